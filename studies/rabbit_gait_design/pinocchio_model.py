@@ -113,7 +113,7 @@ class PinocchioModel:
         mass = self.mass_matrix()
         kkt = np.block([[mass, -jacobian.T], [jacobian, np.zeros((2, 2))]])
         solution = np.linalg.solve(kkt, np.concatenate([mass @ dq_s, np.zeros(2)]))
-        return solution[:7], solution[7:]
+        return solution[:-2], solution[-2:]
 
     def _point(self, frame: int) -> tuple[Array, Array]:
         """Planar Jacobian (2, n) of a frame's origin and its J-dot q-dot (2,)."""

@@ -14,7 +14,6 @@ from own_systems.training import train
 
 LENGTHS = {
     **dict.fromkeys(("segway", "cart_pole", "obstacle_arm"), 60),
-    "three_link_walker": 100,
     "own_controller_node": 45,
     "own_simulator_node": 45,
 }

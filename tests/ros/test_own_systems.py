@@ -14,8 +14,8 @@ from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from own_systems import ControlTask
 from own_systems.episode import NOMINAL, Rider, beginning
+from own_systems.loading import load_task
 from own_systems.messages import layout_fields, parameter_fields, state_fields
-from own_systems.task import load_task
 from own_systems.training import train
 from rabbit_common.ros.qos import EVENT, TICK
 from rabbit_msgs import msg
@@ -34,7 +34,7 @@ MARGIN = 0.2 * 1.6**2 / 18**2
 
 def path_of(name: str) -> str:
     """Of an example."""
-    return str(EXAMPLES / f"{name}.py")
+    return str(EXAMPLES / (name if name.endswith(".yaml") else f"{name}.py"))
 
 
 def start(world: Any, node: str, executable: str = "", **parameters: Any) -> None:
@@ -77,12 +77,12 @@ def small_policy(task: ControlTask, number: int = 0) -> PolicyFile:
     return policy_file(metadata, lambda shape: rng.normal(0, 0.1, shape))
 
 
-@pytest.mark.parametrize("name", ["segway", "obstacle_arm"])
+@pytest.mark.parametrize("name", ["segway", "obstacle_arm", "amber_3m.yaml"])
 def test_nodes_answer_as_a_ride_in_process(world: Any, name: str) -> None:
     torques = play(world, name)
     end = ended(world)
     ride = Rider(load_task(path_of(name))).ride(NOMINAL, SEED)
-    assert end.outcome == ride.outcome
+    assert (end.outcome, end.touchdowns) == (ride.outcome, ride.impacts)
     world.wait(lambda: len(torques) >= len(ride.moments))
     assert [list(each.torque) for each in torques] == [each.u.tolist() for each in ride.moments]
     assert {each.policy_version for each in torques} == {NOMINAL}
@@ -231,12 +231,16 @@ def test_a_rover_is_filtered_from_odometry_to_twist_and_stops_where_states_fall_
     )
 
 
-def test_the_graph_learns_what_is_learned_in_process(world: Any) -> None:
-    path = world.folder / "policy.safetensors"
-    start(world, "trainer", task=path_of("segway"), seed=1, episodes=2, path=str(path))
-    start(world, "controller", task=path_of("segway"))
+@pytest.mark.parametrize("name", ["segway.py", "three_link_walker.yaml"])
+def test_the_graph_learns_what_is_learned_in_process(world: Any, name: str) -> None:
+    for file in EXAMPLES.glob(f"{Path(name).stem}.*"):
+        text = file.read_text() + ("steps: 4\n" if file.suffix == ".yaml" else "")
+        (world.folder / file.name).write_text(text)
+    path, task = world.folder / "policy.safetensors", str(world.folder / name)
+    start(world, "trainer", task=task, seed=1, episodes=2, path=str(path))
+    start(world, "controller", task=task)
     simulated = {"episodes": 2, "readers": 2, "trainer": "follow", "answer_timeout": 60.0}
-    start(world, "simulator", task=path_of("segway"), **simulated)
-    expected, _ = train(load_task(path_of("segway")), 1, episodes=2)
+    start(world, "simulator", task=task, **simulated)
+    expected, _ = train(load_task(task), 1, episodes=2)
     world.wait(path.exists)
     assert read(path).version == expected.version

@@ -72,9 +72,10 @@ def test_own_robot(tmp_path: Path) -> None:
     said = type_in(page, tmp_path, SHORTER[page])
     assert re.search(r"nominal rows: .* HITS", said)
     assert re.search(r"true rows: .* stays below", said)
-    steps = {name: int(taken) for name, taken in re.findall(r"^seed 1: (.+): \[(\d+)\] steps$", said, re.MULTILINE)}
-    assert steps["nominal, twice the mass"] < 5
-    assert steps["oracle, twice the mass"] == 20
+    walked = re.findall(r"(nominal|oracle) .* (\d) of 2 .* (\d+\.\d) \(", said)
+    assert [(name, kept) for name, kept, _ in walked] == [("nominal", "0"), ("oracle", "2")]
+    assert float(walked[0][2]) < 5
+    assert float(walked[1][2]) == 100
 
 
 def test_own_learners_error_falls(tmp_path: Path) -> None:

@@ -12,8 +12,8 @@ import time
 import numpy as np
 import rclpy
 from own_systems.episode import beginning
+from own_systems.loading import load_task
 from own_systems.messages import parameter_fields
-from own_systems.task import load_task
 from rabbit_common.message_arrays import doubles
 from rabbit_common.ros.qos import TICK
 from rabbit_msgs.msg import TaskParameters
@@ -48,7 +48,7 @@ class Arm:
         """A tick."""
         true = self.p(self.task.true)
         self.least = min(self.least, float(self.task.tick.look(self.x, true).barriers[0]))
-        self.x, self.k = self.task.moved(self.x, true, u), self.k + 1
+        self.x, self.k = self.task.moved(self.x, true, u).x, self.k + 1
 
     @property
     def is_over(self):

@@ -53,7 +53,7 @@ def test_links_lead_somewhere(path: Path) -> None:
 
 
 def test_programs_that_a_page_shows_are_what_runs() -> None:
-    shown = re.compile(r"^<!-- from (\S+) -->\n```(?:py|toml)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+    shown = re.compile(r"^<!-- from (\S+) -->\n```(?:py|toml|yaml)\n(.*?)^```", re.MULTILINE | re.DOTALL)
     found = [(path, *match) for path in PAGES for match in shown.findall(path.read_text(encoding="utf-8"))]
     assert len(found) >= 10
     for path, file, block in found:

@@ -4,7 +4,7 @@ ride = Rider(task).ride("nominal", seed=1)        all ticks, and how it ended
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +27,8 @@ Controlling = LearnedPolicy | str  # a policy, or a controller's name
 class Moment:
     """A tick: state x (n,), parameters p (k,) that the model has, the input u (m,), and what led to it.
 
-    `barriers` (b,): the values of B. `seen`, `estimates` and `decided` are None under a controller without a QP.
+    `barriers` (b,): the values of B; `impacts`: how many came before. `seen`, `estimates`, `decided` are None under a
+    controller without a QP.
     """
 
     time: float
@@ -39,17 +40,19 @@ class Moment:
     estimates: Estimates | None = None
     decided: Decided | None = None
     mu: Array | None = None
+    impacts: int = 0
 
 
 @dataclass
 class Ride:
-    """An episode: its moments; `outcome` is done, failed, or no answer. `margins` (b,): the least value of each B."""
+    """An episode: its moments; `outcome` is done, failed, or no answer; `impacts`: how many there were."""
 
     task: ControlTask
     controller: str
     seed: int
     moments: list[Moment] = field(default_factory=list)
     outcome: str = "done"
+    impacts: int = 0
 
     @property
     def margins(self) -> Array:
@@ -112,31 +115,34 @@ class Rider:
         """An episode; `noise` is the deviation of what exploration adds to mu."""
         name = controlling if isinstance(controlling, str) else controlling.version
         ride = Ride(self.task, name, seed)
-        for moment in self.moments(controlling, seed, noise):
+        for moment in self.moments(controlling, seed, noise, ride):
             ride.moments.append(moment)
             if moment.decided is not None and not moment.decided.solved:
                 ride.outcome = "no answer"
-                return ride
-        if len(ride.moments) < round(self.task.duration / self.task.seconds):
-            ride.outcome = "failed"
+                break
         return ride
 
-    def moments(self, controlling: Controlling, seed: int, noise: float = 0.0) -> Iterator[Moment]:
-        """The ticks of an episode, one after another, until its time is over or it has failed."""
-        task = self.task
+    def moments(
+        self, controlling: Controlling, seed: int, noise: float = 0.0, ride: Ride | None = None
+    ) -> Iterator[Moment]:
+        """The ticks of an episode, one after another, until it ends; `ride` is told how."""
+        task, k, impacts, outcome = self.task, 0, 0, ""
         x, commands, exploring = beginning(task, seed)
         self.begin(controlling)
-        for k in range(round(task.duration / task.seconds)):
-            commanded = commands(k * task.seconds)
-            p = task.parameters_at({}, commanded)
-            moment = self.moment(
-                controlling, k * task.seconds, x, p, noise * exploring.standard_normal(self.problem.inputs)
-            )
-            yield moment
+        while not outcome:
+            time = k * task.seconds
+            commanded = commands(time)
+            added = noise * exploring.standard_normal(self.problem.inputs)
+            moment = self.moment(controlling, time, x, task.parameters_at({}, commanded), added)
+            yield replace(moment, impacts=impacts) if impacts else moment
             true = task.parameters_at(task.true, commanded)
-            x = task.moved(x, true, moment.u)
-            if task.has_failed(x, true):
-                return
+            moved = task.moved(x, true, moment.u)
+            x, k, impacts = moved.x, k + 1, impacts + moved.impacts
+            if moved.impacts:  # the next tick does not follow from this one by the model
+                self.ticks.interrupt()
+            outcome = task.outcome(moved, true, k, impacts)
+            if ride:
+                ride.outcome, ride.impacts = outcome, impacts
 
     def begin(self, controlling: Controlling) -> None:
         """The first tick of an episode comes next."""

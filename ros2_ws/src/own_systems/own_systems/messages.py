@@ -22,11 +22,12 @@ def layout_fields(task: ControlTask) -> dict[str, Any]:
     return {"coordinates": list(task.names_of_q), "joints": list(task.names_of_u), "feet": []}
 
 
-def state_fields(task: ControlTask, x: Array, applied: Array) -> dict[str, Any]:
-    """Of `RobotState`, but its head; `applied` (m,): the input over the tick that ends here."""
+def state_fields(task: ControlTask, x: Array, applied: Array, impacts: int = 0) -> dict[str, Any]:
+    """Of `RobotState`, but its head; `applied` (m,): the input over the tick that ends here; `impacts` so far."""
     n = len(task.names_of_q)
     dq = x[n:] if len(x) > n else np.full(n, np.nan)
-    return {"q": doubles(x[:n]), "dq": doubles(dq), "applied": doubles(applied), "running": True}
+    told = {"q": doubles(x[:n]), "dq": doubles(dq), "applied": doubles(applied)}
+    return told | {"touchdowns": impacts, "running": True}
 
 
 def state_of(task: ControlTask, message: Any) -> Array:

@@ -16,21 +16,26 @@ from own_systems.shapes import Line
 from own_systems.task import ControlTask
 
 COLOURS = (style.BLUE, style.ORANGE, style.GREEN, style.PURPLE, style.SKY)
-FILM_INCHES, FILM_DPI = 6.4, 100
+FILM_INCHES, FILM_DPI, FILM_SECONDS = 6.4, 100, 12.0
 ROOM = 0.1  # around what is drawn, of its size
 
 
 def draw_margins(task: ControlTask, rides: Mapping[str, Sequence[Ride]], path: Path) -> Path:
-    """Each barrier's least value in each ride, by controller; rides that failed have none."""
+    """Each barrier's least value in each ride, by controller; rides that failed have none. Impacts, if any."""
+    names = [each.name for each in task.barriers]
     with style.look():
-        figure, panels = style.figure(len(task.barriers))
-        for i, (axes, barrier) in enumerate(zip(panels, task.barriers, strict=True)):
+        figure, panels = style.figure(len(names) + (task.impact is not None))
+        for i, axes in enumerate(panels):
             for k, each in enumerate(rides.values()):
-                margins = [ride.margins[i] if ride.outcome == "done" else np.nan for ride in each]
-                places = k + np.linspace(-0.2, 0.2, len(margins))
-                axes.plot(places, margins, "o", color=COLOURS[k % len(COLOURS)], markersize=4)
-            axes.set(ylabel=f"{barrier.name}, least B")
-            style.limit(axes, 0.0, "limit")
+                margins = [ride.margins[i] if ride.outcome == "done" else np.nan for ride in each if i < len(names)]
+                values = margins or [ride.impacts for ride in each]
+                places = k + np.linspace(-0.2, 0.2, len(values))
+                axes.plot(places, values, "o", color=COLOURS[k % len(COLOURS)], markersize=4)
+            if i < len(names):
+                axes.set(ylabel=f"{names[i]}, least B")
+                style.limit(axes, 0.0, "limit")
+            else:
+                axes.set(ylabel="impacts")
             axes.set_xticks(range(len(rides)), [Path(name).stem for name in rides])
             style.legend(axes)
         return style.save(figure, path)
@@ -42,12 +47,14 @@ def draw_ride(ride: Ride, path: Path) -> Path:
     decided = [each.decided.values.slack if each.decided else np.zeros(0) for each in ride.moments]
     has_qp = all(each.decided for each in ride.moments)
     has_clf = has_qp and "V" in task.tick.names
-    rows = ["barriers", "V", "u", "slack"] if has_clf else ["barriers", "u", "slack"] if has_qp else ["barriers", "u"]
+    wanted = {"barriers": bool(task.barriers), "V": has_clf, "u": True, "slack": has_qp}
+    rows = [name for name, is_there in wanted.items() if is_there]
     with style.look():
         figure, panels = style.figure(len(rows), height=1.9)
         axes = dict(zip(rows, panels, strict=True))
-        plot(axes["barriers"], time, np.array([m.barriers for m in ride.moments]), [b.name for b in task.barriers])
-        style.limit(axes["barriers"], 0.0, "limit")
+        if task.barriers:
+            plot(axes["barriers"], time, np.array([m.barriers for m in ride.moments]), [b.name for b in task.barriers])
+            style.limit(axes["barriers"], 0.0, "limit")
         plot(axes["u"], time, np.array([m.u for m in ride.moments]), task.names_of_u)
         if task.limit is not None:
             style.limit(axes["u"], task.limit, "limit")
@@ -72,11 +79,11 @@ def plot(axes: Axes, time: Array, values: Array, names: Sequence[str]) -> None:
 
 
 def film(ride: Ride, path: Path) -> list[Path]:
-    """What `draw` makes of each state, in axes that hold all of it; raises `VideoError`."""
+    """What `draw` makes of each state of the first 12 s, in axes that hold all of it; raises `VideoError`."""
     task = ride.task
     assert task.draw
     step = max(1, round(1 / (FRAME_RATE * task.seconds)))
-    shown = ride.moments[::step]
+    shown = ride.moments[: round(FILM_SECONDS / task.seconds) : step]
     drawn = [task.draw(m.x, dict(zip(task.system.named, m.p, strict=True))) for m in shown]
     titles = [title_of(ride, m) for m in shown]
     corners = np.concatenate([points for shapes in drawn for points in map(corners_of, shapes)])

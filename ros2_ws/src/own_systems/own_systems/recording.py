@@ -55,14 +55,14 @@ class RideWriter:
         self._add("episode", 0, phase=RUNNING, **episode)
         applied = np.full(len(task.names_of_u), np.nan)
         for k, moment in enumerate(ride.moments):
-            self._add("state", k, **fields.state_fields(task, moment.x, applied))
+            self._add("state", k, **fields.state_fields(task, moment.x, applied, moment.impacts))
             self._add("parameters", k, **fields.parameter_fields(task, moment.p))
             self._add("torque", k, torque=doubles(moment.u), policy_version=ride.controller)
             self._add("controller_state", k, **fields.controller_fields(task, moment, ride.controller))
             if moment.decided is not None:
                 self._add("learner_terms", k, **fields.terms_fields(task, moment))
             applied = moment.u
-        self._add("episode", len(ride.moments), phase=ENDED, outcome=ride.outcome, **episode)
+        self._add("episode", len(ride.moments), phase=ENDED, outcome=ride.outcome, touchdowns=ride.impacts, **episode)
         self._bag.close()
 
     def _add(self, topic: str, tick: int, **given: Any) -> None:

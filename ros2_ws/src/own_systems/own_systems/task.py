@@ -14,13 +14,11 @@ For example a cart that must stop before a wall, and is twice as heavy as its mo
     )
 """
 
-import importlib.util
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -30,18 +28,40 @@ from cbf_clf_qp.functions import Array, NumpyFunction
 from cbf_clf_qp.quantity import Constrained, Terms
 from cbf_clf_qp.system import System
 from cbf_clf_qp.tick import Tick
-from rabbit_description import plugins
+from scipy.optimize import brentq
 
 from own_systems.shapes import Shape
 
-GROUP = "rabbit.systems"  # entry points that name a ControlTask
 SUBSTEP = 0.001  # s, of the plant's integration, at most
+EVENT_TOLERANCE = 1e-13  # s, of an impact
 Commands = Callable[[float], Mapping[str, float]]
 OwnController = Callable[[Array, Array], Array]
 
 
 class TaskError(ValueError):
     """A task whose parts do not fit together, or a file without one; the message is one line."""
+
+
+@dataclass(frozen=True, eq=False)
+class Impact:
+    """A jump: `guard`, `armed` and `after` (n,), expressions of x and p.
+
+    Where `guard` falls through zero while `armed` is positive, the state becomes `after`, and the input that the tick
+    holds becomes `held` (m,), of u, where the jump exchanges inputs, as legs that swap.
+    """
+
+    guard: ca.SX
+    after: ca.SX
+    armed: ca.SX | float = 1.0
+    held: ca.SX | None = None
+
+
+class Moved(NamedTuple):
+    """The state x (n,) after a tick, the input u (m,) that it holds by then, and how many impacts there were."""
+
+    x: Array
+    u: Array
+    impacts: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,13 +78,16 @@ class ControlTask:
         limit: of |u|, each component.
         seconds, duration: of a tick and of an episode.
         observation: what a policy reads, by name; None: the state.
-        failed: positive where an episode has failed, an expression of x and p.
+        failed: positive where an episode has failed, an expression of x, p and the input u that is held there; it is
+            looked at as a tick ends, but not one with an impact, in which forces are the impact's.
         tolerance: by how much a barrier may be negative and still counts as kept, in its own unit.
         objective: see `Tick`; None: the least mu.
         coordinates: names of q; none: x1, x2, ... inputs: names of u; none: u1, u2, ...
         draw: shapes in the plane for a state x and parameters p (a mapping by name).
         controllers: further ones by name, u (m,) of (x, p): end to end, without a QP.
         plant: the next state of (x, p, u) in place of the system's own integration.
+        impact: where the state jumps; impacts: an episode is done after so many, and has failed if it has fewer.
+        training: what a training of it has in place of the defaults, by name, see `TrainingParameters`.
 
     Raises:
         TaskError: names the field, what it is and what was expected.
@@ -89,6 +112,9 @@ class ControlTask:
     draw: Callable[[Array, Mapping[str, float]], Sequence[Shape]] | None = None
     controllers: Mapping[str, OwnController] = field(default_factory=dict)
     plant: Callable[[Array, Array, Array], Array] | None = None
+    impact: Impact | None = None
+    impacts: int | None = None
+    training: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         n = self.system.x.numel()
@@ -105,6 +131,10 @@ class ControlTask:
             raise TaskError("parameters of the system: expected numbers, one symbol each")
         if self.coordinates and n not in (len(self.coordinates), 2 * len(self.coordinates)):
             raise TaskError(f"coordinates = {self.coordinates}: expected names of {n} or half as many components")
+        if self.impact and self.impact.after.shape != self.system.x.shape:
+            raise TaskError(f"impact: after has {self.impact.after.numel()} components; expected {n}")
+        if self.impacts is not None and (self.impact is None or self.impacts < 1):
+            raise TaskError(f"impacts = {self.impacts}: expected 1 or more, and an impact")
         self.parameters_at({}, self.commands(np.random.default_rng(0))(0.0))
 
     @cached_property
@@ -158,66 +188,73 @@ class ControlTask:
 
     @cached_property
     def _later(self) -> NumpyFunction:
-        """The state after a substep of a held input, by Runge and Kutta's method of order 4."""
-        system, steps = self.system, self.substeps
-        h = self.seconds / steps
+        """The state h seconds later under a held input, by Runge and Kutta's method of order 4."""
+        system, h = self.system, ca.SX.sym("h")
         slope = ca.Function("slope", [system.x, system.p, system.u], [system.x_dot])
         k1 = slope(system.x, system.p, system.u)
         k2 = slope(system.x + h / 2 * k1, system.p, system.u)
         k3 = slope(system.x + h / 2 * k2, system.p, system.u)
         k4 = slope(system.x + h * k3, system.p, system.u)
         later = system.x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-        return NumpyFunction.of("later", {"x": system.x, "p": system.p, "u": system.u}, {"x": later})
+        return NumpyFunction.of("later", {"x": system.x, "p": system.p, "u": system.u, "h": h}, {"x": later})
+
+    @cached_property
+    def _strike(self) -> tuple[NumpyFunction, NumpyFunction]:
+        """`guard` and `armed` of x and p; `x` and `u` after the impact, of x, p and u."""
+        assert self.impact
+        system, inputs = self.system, {"x": self.system.x, "p": self.system.p}
+        when = {"guard": self.impact.guard, "armed": ca.SX(self.impact.armed)}
+        held = system.u if self.impact.held is None else self.impact.held
+        after = NumpyFunction.of("after", {**inputs, "u": system.u}, {"x": self.impact.after, "u": held})
+        return NumpyFunction.of("when", inputs, when), after
+
+    @property
+    def ticks(self) -> int:
+        """Of an episode, at most."""
+        return round(self.duration / self.seconds)
 
     @property
     def substeps(self) -> int:
         """Of the plant in a tick."""
         return max(1, math.ceil(self.seconds / SUBSTEP - 1e-9))
 
-    def moved(self, x: Array, p: Array, u: Array) -> Array:
+    def moved(self, x: Array, p: Array, u: Array) -> Moved:
         """The true state after a tick of the input `u` under the plant's parameters `p`."""
         if self.plant:
-            return np.asarray(self.plant(x, p, u), dtype=float)
+            return Moved(np.asarray(self.plant(x, p, u), dtype=float), u, 0)
+        now, h = Moved(x, u, 0), self.seconds / self.substeps
         for _ in range(self.substeps):
-            x = self._later(x, p, u).x
-        return x
+            now = self._substep(now, p, h)
+        return now
+
+    def _substep(self, now: Moved, p: Array, h: float) -> Moved:
+        """Through an impact too, which is located."""
+
+        def later(seconds: float, since: Moved = now) -> Array:
+            x: Array = self._later(since.x, p, since.u, np.array([seconds])).x
+            return x
+
+        x = later(h)
+        if self.impact is None or not np.isfinite(x).all():
+            return now._replace(x=x)
+        when, after = self._strike
+        end = when(x, p)
+        if not (when(now.x, p).guard[0] > 0 >= end.guard[0] and end.armed[0] > 0):
+            return now._replace(x=x)
+        until = brentq(lambda seconds: when(later(seconds), p).guard[0], 0, h, xtol=EVENT_TOLERANCE)
+        struck = after(later(until), p, now.u)
+        now = Moved(struck.x, struck.u, now.impacts + 1)
+        return now._replace(x=later(h - until, now))
 
     @cached_property
     def _has_failed(self) -> NumpyFunction:
-        value = ca.SX(-1) if self.failed is None else self.failed
-        return NumpyFunction.of("failed", {"x": self.system.x, "p": self.system.p}, {"value": value})
+        value, system = ca.SX(-1) if self.failed is None else self.failed, self.system
+        return NumpyFunction.of("failed", {"x": system.x, "p": system.p, "u": system.u}, {"value": value})
 
-    def has_failed(self, x: Array, p: Array) -> bool:
-        """Whether an episode ends here, badly."""
-        return not np.isfinite(x).all() or bool(self._has_failed(x, p).value[0] > 0)
-
-
-def load_task(source: str) -> ControlTask:
-    """The only ControlTask of a Python file, or the one that an installed package brings under this name.
-
-    A file is code, and runs. Raises `TaskError`.
-    """
-    if not source.endswith(".py"):
-        try:
-            found = plugins.load(GROUP, source)
-        except LookupError as error:
-            raise TaskError(f"{error}; or a file that ends in .py") from error
-        return _checked(found, source)
-    path = Path(source)
-    if not path.is_file():
-        raise TaskError(f"{source}: no such file")
-    spec = importlib.util.spec_from_file_location(path.stem, path)
-    assert spec
-    assert spec.loader
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    tasks = [value for value in vars(module).values() if isinstance(value, ControlTask)]
-    if len(tasks) != 1:
-        raise TaskError(f"{source}: {len(tasks)} objects of ControlTask; expected one")
-    return tasks[0]
-
-
-def _checked(found: Any, source: str) -> ControlTask:
-    if not isinstance(found, ControlTask):
-        raise TaskError(f"{GROUP} {source}: expected a ControlTask, found {found!r}")
-    return found
+    def outcome(self, now: Moved, p: Array, ticks: int, impacts: int) -> str:
+        """How an episode ends after so many ticks and impacts: failed, done, or not yet, which is empty."""
+        if not np.isfinite(now.x).all() or (not now.impacts and self._has_failed(now.x, p, now.u).value[0] > 0):
+            return "failed"
+        if self.impacts is None:
+            return "done" if ticks >= self.ticks else ""
+        return "done" if impacts >= self.impacts else "failed" if ticks >= self.ticks else ""

@@ -94,7 +94,8 @@ def training_parameters(task: ControlTask, seed: int, **changes: Any) -> Trainin
     """Of a training of the task, in units that are measured now."""
     problem = measured_problem(task, seed)
     of_mu = {"sigma": problem.mu_unit, "probe_noise": problem.mu_unit}
-    asked = {"problem": problem, "seed": seed, "learner": "regression", **SLOW, **SCHEDULE, **of_mu, **changes}
+    own = {**SLOW, **SCHEDULE, **of_mu, **task.training}
+    asked = {"problem": problem, "seed": seed, "learner": "regression", **own, **changes}
     return TrainingParameters.model_validate(asked)
 
 

@@ -14,8 +14,8 @@ from cbf_clf_qp import Clf, System
 from own_systems import ControlTask, TaskError, recording
 from own_systems.commands.system import app
 from own_systems.episode import Rider
+from own_systems.loading import load_task
 from own_systems.recording import RideWriter, differing
-from own_systems.task import load_task
 from own_systems.training import measured_problem, train, write
 from rabbit_recording import RecordingError
 from rabbit_recording.contents import contents
@@ -58,7 +58,7 @@ def test_the_plant_is_the_exact_solution_of_a_linear_system():
     system = System(x, u, ca.DM(A) @ x + ca.DM(b) * u)
     task = ControlTask("spring", system, [Clf(x[0])], {}, {}, ((0, 0), (0, 0)), seconds=0.05)
     found, held = (
-        task.moved(np.array([1.0, -0.5]), np.zeros(0), np.array([0.7])),
+        task.moved(np.array([1.0, -0.5]), np.zeros(0), np.array([0.7])).x,
         expm(0.05 * np.block([[A, 0.7 * b[:, None]], [np.zeros((1, 3))]])),
     )
     assert found == pytest.approx((held @ [1.0, -0.5, 1.0])[:2], abs=1e-13)
@@ -131,7 +131,7 @@ def test_a_source_without_a_task_is_named(source, text):
 def test_the_same_seed_gives_the_same_ride_in_another_process_too(task, cart):
     here = [m.u[0].hex() for m in Rider(task).ride("oracle", 7).moments]
     code = (
-        "import sys; from own_systems.episode import Rider; from own_systems.task import load_task;"
+        "import sys; from own_systems.episode import Rider; from own_systems.loading import load_task;"
         "print(*[m.u[0].hex() for m in Rider(load_task(sys.argv[1])).ride('oracle', 7).moments])"
     )
     told = subprocess.run([sys.executable, "-c", code, cart], capture_output=True, text=True, check=True)

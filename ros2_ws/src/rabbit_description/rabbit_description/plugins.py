@@ -30,7 +30,8 @@ def load(group: str, name: str) -> Any:
     """
     found = _found(group, tuple(sys.path))
     if name not in found:
-        raise PluginError(f"{group} {name}: expected one of {', '.join(names(group))}")
+        choices = ", ".join(names(group)) or "those of installed packages, of which none brings one"
+        raise PluginError(f"{group} {name}: expected one of {choices}")
     try:
         return found[name].load()
     except ImportError as error:

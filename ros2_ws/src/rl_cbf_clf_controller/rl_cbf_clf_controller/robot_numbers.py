@@ -22,7 +22,7 @@ MIRRORED = [0, 3, 4, 1, 2]  # RABBIT's links with the legs exchanged
 
 @dataclass(frozen=True)
 class RobotNumbers:
-    """One robot: arrays by the names and with the units of `robot_parameters`."""
+    """One robot: arrays by the names and with the units of `robot_parameters`; `names` of its joints after the base."""
 
     structure: Structure
     links: Array
@@ -32,6 +32,7 @@ class RobotNumbers:
     joint_damping: float = 0.0
     coulomb: float = 0.0
     gravity: Array = field(default_factory=lambda: GRAVITY)
+    names: tuple[str, ...] = ()
 
     @property
     def row(self) -> Array:
@@ -92,6 +93,7 @@ def read_robot(urdf: str | None = None, feet: tuple[str, str] = ("left_foot", "r
         joints=np.array([placement.translation[PLANE] for placement in list(model.jointPlacements)[first:]]),
         feet=np.array([frame.placement.translation[PLANE] for frame in frames]),
         motor_gain=np.ones(structure.motors),
+        names=tuple(list(model.names)[first:]),
     )
 
 

@@ -20,7 +20,9 @@ DIFFERS = 1
 APART = 1_000_000  # seeds of evaluations begin here times their own; those of trainings are 32 bits long, drawn
 
 app = typer.Typer(help=__doc__, no_args_is_help=True, add_completion=False)
-Task = Annotated[str, typer.Argument(help="a .py file with a ControlTask, or its entry point in rabbit.systems")]
+Task = Annotated[
+    str, typer.Argument(help="a .py file with a ControlTask, a walker's .yaml, or an entry point in rabbit.systems")
+]
 Seed = Annotated[int, typer.Option(help="seed of starts, commands and weights", min=0, max=2**31)]
 
 
@@ -50,7 +52,7 @@ def evaluate(
 
 def load(source: str) -> "ControlTask":
     """The task; ends the command where there is none, or it is wrong."""
-    from own_systems.task import load_task
+    from own_systems.loading import load_task
 
     with complaints(Exception):  # a file is code, and may raise anything
         return load_task(source)
@@ -67,6 +69,9 @@ def summarise(task: "ControlTask", rides: "Sequence[Ride]") -> dict[str, Any]:
     for name, margins in zip((b.name for b in task.barriers), done.T, strict=False):
         figures = {"worst": float(margins.min()), "mean": float(margins.mean()), "mean_ci95": mean_interval(margins)}
         found["barriers"][name] = figures
+    if task.impact:
+        counts = np.array([float(ride.impacts) for ride in rides])
+        found["impacts"] = {"mean": float(counts.mean()), "mean_ci95": mean_interval(counts)}
     return found | {"outcomes": dict(Counter(ride.outcome for ride in rides))}
 
 
@@ -76,14 +81,15 @@ def show(task: "ControlTask", summary: dict[str, Any]) -> None:
     from rich.table import Table
 
     names = [each.name for each in task.barriers]
-    table = Table(
-        "controller", "rides that kept all [95%]", *(f"{name}: worst; mean [95%]" for name in names), "outcomes"
-    )
+    columns = [f"{name}: worst; mean [95%]" for name in names] + ["impacts: mean [95%]"] * (task.impact is not None)
+    table = Table("controller", "rides that kept all [95%]", *columns, "outcomes")
     for controller, of in summary.items():
         row = [Path(controller).stem, f"{of['kept']} of {of['of']} {interval(of['kept_ci95'], 2)}"]
         for name in names:
             b = of["barriers"].get(name)
             row.append(f"{b['worst']:.4f}; {b['mean']:.4f} {interval(b['mean_ci95'], 4)}" if b else "-")
+        if counts := of.get("impacts"):
+            row.append(f"{counts['mean']:.1f} {interval(counts['mean_ci95'], 1)}")
         table.add_row(*row, ", ".join(f"{count} {name}" for name, count in of["outcomes"].items()))
     Console().print(table)
 
@@ -102,10 +108,12 @@ def write_results(folder: Path, task: "ControlTask", ridden: "dict[str, list[Rid
     with complaints(OSError):
         with replacing(folder / "runs.csv") as partial, partial.open("w", newline="", encoding="utf-8") as file:
             table = csv.writer(file)
-            table.writerow(["controller", "seed", "ticks", "outcome", "kept", *(b.name for b in task.barriers)])
+            table.writerow(
+                ["controller", "seed", "ticks", "outcome", "kept", "impacts", *(b.name for b in task.barriers)]
+            )
             for name, rides in ridden.items():
                 for ride in rides:
-                    ended = len(ride.moments), ride.outcome, ride.is_kept
+                    ended = len(ride.moments), ride.outcome, ride.is_kept, ride.impacts
                     table.writerow([name, ride.seed, *ended, *ride.margins.tolist()])
         replace_text(folder / "summary.json", json.dumps({"task": task.name, **summary}, indent=2))
         draw_margins(task, ridden, folder / "margins.png")

@@ -24,9 +24,10 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Header
 
 from own_systems.episode import beginning
+from own_systems.loading import load_task
 from own_systems.messages import layout_fields, parameter_fields, state_fields
 from own_systems.ros.task_node import TASK
-from own_systems.task import TaskError, load_task
+from own_systems.task import TaskError
 
 NONE = 2**32 - 1  # no episode
 
@@ -136,7 +137,7 @@ class SimulatorNode(CheckedNode):
         seed = self._own.seed + number - 1 if self._own.trainer == "ignore" else plan.seed
         self._episode.episode, self._episode.tick, self._episode.seed = number, 0, seed
         self._episode.sigma, self._episode.policy_version = plan.sigma, plan.policy_version
-        self._episode.outcome = self._episode.reason = ""
+        self._episode.touchdowns, self._episode.outcome, self._episode.reason = 0, "", ""
         self._x, self._commands, _ = beginning(self.task, self._episode.seed)
         self._u = np.full(len(self._u), 0.0 if self._own.real_time else np.nan)
         self._admission.begin()
@@ -149,15 +150,16 @@ class SimulatorNode(CheckedNode):
         if self._x is None:
             return
         true = self.task.parameters_at(self.task.true, self._commanded())
-        self._x = self.task.moved(self._x, true, self._u)
-        has_failed = self.task.has_failed(self._x, true)
+        moved = self.task.moved(self._x, true, self._u)
+        self._x = moved.x
         self._episode.tick += 1
+        self._episode.touchdowns += moved.impacts
         self._clock_ticks += 1
-        is_over = has_failed or self._episode.tick >= round(self.task.duration / self.task.seconds)
-        self._publish(running=not is_over)
+        outcome = self.task.outcome(moved, true, self._episode.tick, self._episode.touchdowns)
+        self._publish(running=not outcome)
         self._wait.begin()
-        if is_over:
-            self._end("failed" if has_failed else "done")
+        if outcome:
+            self._end(outcome)
 
     def _end(self, outcome: str, reason: str = "") -> None:
         if self._x is not None:
@@ -181,7 +183,7 @@ class SimulatorNode(CheckedNode):
         head = {"header": self._header(), "episode": self._episode.episode, "tick": self._episode.tick}
         p = self.task.parameters_at({}, self._commanded())
         self._commanding.publish(msg.TaskParameters(**head, **parameter_fields(self.task, p)))
-        fields = {**state_fields(self.task, self._x, self._u), "running": running}
+        fields = {**state_fields(self.task, self._x, self._u, self._episode.touchdowns), "running": running}
         self._states.publish(msg.RobotState(**head, **fields))
         told = {"name": self._episode.coordinates, "position": fields["q"], "velocity": fields["dq"]}
         self._joints.publish(JointState(header=head["header"], **told))

@@ -17,11 +17,12 @@ from rl_cbf_clf_controller.ros import policies
 from rl_cbf_clf_controller.weights import PolicyFileError
 
 from own_systems.episode import NOMINAL, ORACLE, Moment, Rider, beginning
+from own_systems.loading import load_task
 from own_systems.messages import controller_fields, terms_fields
-from own_systems.task import ControlTask, TaskError, load_task
+from own_systems.task import ControlTask, TaskError
 
 ERRORS = (TaskError, PolicyFileError)
-TASK = "a Python file with a ControlTask, or one that an installed package brings, by its name"
+TASK = "a Python file with a ControlTask, a walker's .yaml, or what an installed package brings, by its name"
 
 
 class NodeParameters(policies.NodeParameters):

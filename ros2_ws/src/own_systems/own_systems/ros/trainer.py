@@ -1,8 +1,8 @@
 """Learns on a task while its simulator and controller run: it plans episodes, and publishes what it has learned.
 
 It hears `state` and `parameters` and makes the controller's ticks again, so its transitions, and the policy after all
-episodes, have the bits of those of `own_systems.training.train`. A tick after which another input was applied counts
-for nothing. It learns once an episode has ended; the simulator, which follows it, waits meanwhile.
+episodes, have the bits of those of `own_systems.training.train`. A tick with an impact, or after which another input
+was applied, counts for nothing. It learns once an episode has ended; the simulator, which follows it, waits meanwhile.
 """
 
 from pathlib import Path
@@ -23,9 +23,10 @@ from rl_cbf_clf_controller.policy import ActorPolicy
 from rl_trainer.training import Trainer
 
 from own_systems.episode import NOMINAL, Rider, beginning
+from own_systems.loading import load_task
 from own_systems.messages import parameters_of, state_of
 from own_systems.ros.task_node import TASK
-from own_systems.task import TaskError, load_task
+from own_systems.task import TaskError
 from own_systems.training import training_parameters
 
 
@@ -65,7 +66,7 @@ class TrainerNode(CheckedNode):
         self._check(message)
         if message.running:
             applied = array_of(message, "applied", len(self.task.names_of_u))
-            self._states[message.tick] = state_of(self.task, message), applied
+            self._states[message.tick] = state_of(self.task, message), applied, message.touchdowns
         else:
             self._end = message.tick
         self._message_counter.accept("state")
@@ -92,8 +93,9 @@ class TrainerNode(CheckedNode):
     def _begin(self) -> None:
         """Plan the next one."""
         self._plan, number = self._trainer.begin_episode(), self._trainer.episode
-        self._states, self._p, self._tick = dict[int, tuple[Array, Array]](), dict[int, Array](), 0
-        self._u, self._end = np.zeros(0), -1  # the newest input; how many ticks the episode had, once that is known
+        self._states, self._p, self._tick = dict[int, tuple[Array, Array, int]](), dict[int, Array](), 0
+        self._u, self._impacts = np.zeros(0), 0  # the newest input; impacts before it
+        self._end = -1  # how many ticks the episode had, once that is known
         self._exploring = beginning(self.task, self._plan.seed)[2]
         self._rider.begin(self._plan.policy)
         version = NOMINAL
@@ -110,9 +112,10 @@ class TrainerNode(CheckedNode):
     def _go_on(self) -> None:
         """The ticks of which both messages are here, in their order."""
         while self._tick in self._states and self._tick in self._p:
-            (x, applied), p = self._states.pop(self._tick), self._p.pop(self._tick)
-            if self._tick and not np.array_equal(applied, self._u):
+            (x, applied, impacts), p = self._states.pop(self._tick), self._p.pop(self._tick)
+            if self._tick and not (np.array_equal(applied, self._u) and impacts == self._impacts):
                 self._rider.ticks.interrupt()
+            self._impacts = impacts
             noise = self._plan.sigma * self._exploring.standard_normal(self._rider.problem.inputs)
             moment = self._rider.moment(self._plan.policy, self._tick * self.task.seconds, x, p, noise)
             self._u, self._tick = moment.u, self._tick + 1

@@ -1,0 +1,45 @@
+"""Where a task comes from: a Python file, a walker's data file, or a package that brings it under a name."""
+
+import importlib.util
+from pathlib import Path
+from typing import Any
+
+from rabbit_description import plugins
+
+from own_systems.task import ControlTask, TaskError
+from own_systems.walker import read_walker
+
+GROUP = "rabbit.systems"  # entry points that name a ControlTask
+
+
+def load_task(source: str) -> ControlTask:
+    """The only ControlTask of a Python file, a walker (a .yaml file), or what a package brings under this name.
+
+    A Python file is code, and runs. Raises `TaskError`.
+    """
+    path = Path(source)
+    if path.suffix not in (".py", ".yaml"):
+        try:
+            found = plugins.load(GROUP, source)
+        except LookupError as error:
+            raise TaskError(f"{error}; or a file that ends in .py or .yaml") from error
+        return _checked(found, source)
+    if not path.is_file():
+        raise TaskError(f"{source}: no such file")
+    if path.suffix == ".yaml":
+        return read_walker(path).task
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    assert spec
+    assert spec.loader
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    tasks = [value for value in vars(module).values() if isinstance(value, ControlTask)]
+    if len(tasks) != 1:
+        raise TaskError(f"{source}: {len(tasks)} objects of ControlTask; expected one")
+    return tasks[0]
+
+
+def _checked(found: Any, source: str) -> ControlTask:
+    if not isinstance(found, ControlTask):
+        raise TaskError(f"{GROUP} {source}: expected a ControlTask, found {found!r}")
+    return found

@@ -1,0 +1,232 @@
+"""A planar walker on two point feet as a control task: its URDF, and a small file of data beside it.
+
+    q = (foot, pitch, joints)      the stance foot's place, and the robot over it, which is pinned there
+    outputs                        y = H q - path(phase), phase = (c' q - start) / (end - start): sums of coordinates
+    impact                         where the swing foot comes down ahead of the stance foot it stays, and the legs swap:
+                                   M (dq+ - dq-) = J' L,  J dq+ = 0, of the floating robot, inelastic, no slip
+
+The joints are named by what their leg does: that of the stance leg is `stance_hip`, whichever leg that is. So the leg
+swap is a permutation of coordinates and motors. Legs without knees pass through the ground in mid-swing: nothing lands
+but ahead of the stance foot. Source: Grizzle, Abba, Plestan (2001).
+"""
+
+from collections.abc import Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any, Self
+
+import casadi as ca
+import numpy as np
+from cbf_clf_qp import Clf, System
+from cbf_clf_qp.functions import Array, NumpyFunction, packed
+from cbf_clf_qp.system import solved
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+from rabbit_description.bounded_file import one_line, read_text
+from rabbit_description.planar_urdf import with_planar_base
+from rabbit_description.yaml_file import MOST_BYTES, read_mapping
+from rl_cbf_clf_controller.planar_robot import BASE, SLIDES, PinnedRobot, rotated
+from rl_cbf_clf_controller.robot_numbers import read_robot
+from rl_cbf_clf_controller.step_paths import StepPath
+from rl_cbf_clf_controller.virtual_constraints import Angles, OutputExpressions, VirtualConstraints
+
+from own_systems.shapes import Disc, Line, Shape
+from own_systems.task import ControlTask, Impact, TaskError
+
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Sum = dict[str, Finite]  # of coordinates, by name
+FOOT, NOMINAL = "foot", {"mass": 1.0, "payload": 0.0, "motors": 1.0}
+MARKS = 0.5  # m, between those on the ground of a picture
+
+
+class WalkerFile(BaseModel):
+    """What a walker's file says beside the URDF.
+
+    `stance`, `swing`: the URDF's joints of each leg, and its link `foot`, by one name for both legs; the stance leg is
+    the one that stands first. `path` (m, k): control points of each output over the phase, rad.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    urdf: str = Field(description="the robot's file, in this folder")
+    stance: dict[str, str]
+    swing: dict[str, str]
+    outputs: dict[str, Sum] = Field(description="what is controlled: sums of coordinates")
+    phase: Sum = Field(description="the sum that grows over a step")
+    path: list[list[Finite]]
+    phase_range: tuple[Finite, Finite] = Field(description="the sum at the begin and at the end of a step, rad")
+    phase_rate: Positive = Field(description="1/s, as a step begins")
+    eps: Positive = Field(0.2, le=1, description="of the CLF")
+    gains: tuple[Positive, Positive] = (1.0, 1.8)
+    limit: Positive = Field(description="of each motor, N m")
+    fallen_pitch: Positive = Field(1.2, description="rad, either way")
+    fallen_hip: Positive = Field(description="m above the stance foot")
+    least_step: Positive = Field(0.05, description="m ahead of the stance foot, from which on the swing foot lands")
+    steps: int = Field(100, ge=1, description="of an episode")
+    longest_step: Positive = Field(3.0, description="s, in the mean of an episode")
+    spread: tuple[Finite, Finite] = Field((0.03, 0.05), description="of the start: angles, rad; rates, a share")
+    training: dict[str, Any] = Field(default_factory=dict, description="in place of the defaults of a training")
+    plant: dict[str, Finite] = Field(
+        default_factory=dict, description="the true mass, payload (kg, on the torso), motors"
+    )
+
+    @model_validator(mode="after")
+    def _fits(self) -> Self:
+        if set(self.stance) != set(self.swing) or FOOT not in self.stance:
+            raise ValueError(
+                f"stance = {self.stance}, swing = {self.swing}: expected foot and joints by the same names"
+            )
+        if self.phase_range[0] >= self.phase_range[1]:
+            raise ValueError(f"phase_range = {self.phase_range}: expected a sum that grows")
+        if len(self.path) != len(self.outputs) or len({len(row) for row in self.path}) != 1 or len(self.path[0]) < 2:
+            raise ValueError(f"path: expected {len(self.outputs)} rows, one of each output, of the same length")
+        return self
+
+
+def read_walker(path: Path) -> "PlanarWalker":
+    """What a walker's file and its URDF say; raises `TaskError`."""
+    try:
+        file = WalkerFile.model_validate(read_mapping(path))
+        urdf = read_text(path.parent / file.urdf, MOST_BYTES)
+        return PlanarWalker(path.stem, with_planar_base(urdf), file)
+    except ValueError as error:  # also of what reads files, URDFs and models
+        raise TaskError(f"walker {path}: {one_line(error)}") from error
+
+
+class PlanarWalker:
+    """Expressions of a walker: parameters `mass` (factor of all masses and inertias), `payload`, kg, and `motors`.
+
+    Raises ValueError: a URDF that is no planar robot, or a name in the file that is not one of its joints.
+    """
+
+    def __init__(self, name: str, urdf: str, file: WalkerFile) -> None:
+        self.name, self.urdf, self.file = name, urdf, file
+        self.feet = file.stance[FOOT], file.swing[FOOT]
+        self.numbers = read_robot(urdf, self.feet)
+        legs = {"stance": file.stance, "swing": file.swing}
+        named = {joint: f"{leg}_{name}" for leg, joints in legs.items() for name, joint in joints.items()}
+        if missing := [joint for joint in self.numbers.names if joint not in named]:
+            raise ValueError(f"stance, swing: expected also the joint {', '.join(missing)} of the URDF")
+        self.motors = [named[joint] for joint in self.numbers.names]
+        self.coordinates = ["pitch", *self.motors]
+        self.swap = [self.motors.index(exchanged(name)) for name in self.motors]
+        self.order = np.array([*range(BASE), *(BASE + place for place in self.swap)])  # the same of all coordinates
+        self.parameters = {name: ca.SX.sym(name) for name in NOMINAL}
+        self.robot = robot = PinnedRobot(self.numbers.structure, self._of_robot())
+        foot, foot_rate = ca.SX.sym("foot"), ca.SX.sym("foot_rate")
+        self.q, self.dq, self.foot = robot.q[SLIDES:], robot.dq[SLIDES:], foot
+        acceleration = self._held(robot.acceleration(robot.u))[SLIDES:]
+        x, x_dot = ca.vertcat(foot, self.q, foot_rate, self.dq), ca.vertcat(foot_rate, self.dq, 0, acceleration)
+        self.system = System(x, robot.u, x_dot, self.parameters)
+        self.angles = Angles(np.array([self._row(each) for each in file.outputs.values()]), self._row(file.phase))
+        self.path = StepPath(np.array(file.path), *file.phase_range)
+        self.constraints = VirtualConstraints(self.path, self.angles)
+
+    def _of_robot(self) -> dict[str, ca.SX]:
+        """The parameters of `PinnedRobot`; the payload is where the torso has its centre of mass."""
+        own, numbers = self.parameters, self.numbers
+        links, (x, z) = own["mass"] * ca.SX(numbers.links), numbers.links[0, 1:3] / numbers.links[0, 0]
+        links[0, :] += own["payload"] * ca.SX([1, x, z, x**2 + z**2]).T
+        given = {
+            name: ca.SX(getattr(numbers, name)) for name in ("joints", "feet", "joint_damping", "coulomb", "gravity")
+        }
+        return given | {"links": links, "motor_gain": own["motors"] * ca.SX(numbers.motor_gain)}
+
+    def _row(self, of: Sum) -> Array:
+        """A sum as factors of the robot's coordinates (n,)."""
+        if strange := sorted(set(of) - set(self.coordinates)):
+            raise ValueError(f"{', '.join(strange)}: expected some of {', '.join(self.coordinates)}")
+        return np.array([0.0] * SLIDES + [of.get(name, 0.0) for name in self.coordinates])
+
+    def _held(self, expression: ca.SX) -> ca.SX:
+        """An expression of the robot's q and q', the stance foot being at rest at the origin."""
+        robot, still = self.robot, ca.SX.zeros(SLIDES)
+        hip, rest = ca.substitute(robot.hip, robot.q[:SLIDES], still), ca.vertcat(still, self.dq)
+        rate = ca.substitute(robot.rate(robot.hip), ca.vertcat(robot.dq, robot.q[:SLIDES]), ca.vertcat(rest, still))
+        slides = ca.vertcat(robot.q[:SLIDES], robot.dq[:SLIDES])
+        return ca.substitute(expression, slides, ca.vertcat(hip, rate))
+
+    @cached_property
+    def impact(self) -> Impact:
+        """The swing foot lands, and the legs exchange their names; the motors go on with the torques that they have."""
+        robot, swing = self.robot, self._held(self.robot.swing)
+        mass, jacobian = robot.mass_and_bias[0], ca.jacobian(robot.feet[1], robot.q)
+        spread = solved(mass, jacobian.T)
+        stopped = robot.dq - spread @ solved(jacobian @ spread, jacobian @ robot.dq)
+        rates = self._held(stopped)[SLIDES:]
+        order = (self.order[SLIDES:] - SLIDES).tolist()
+        after = ca.vertcat(self.foot + swing[0], self.q[order], 0, rates[order])
+        return Impact(guard=swing[1], after=after, armed=swing[0] - self.file.least_step, held=robot.u[self.swap])
+
+    @cached_property
+    def task(self) -> ControlTask:
+        """With the CLF of the file's outputs."""
+        file, system, robot = self.file, self.system, self.robot
+        outputs = OutputExpressions(robot.q, robot.dq, self.angles)
+        symbols = ca.vertcat(packed(outputs.path), outputs.parameters["phase_scale"])
+        numbers = ca.SX([*self.constraints.row, *self.constraints.scale])
+        y, phase = (ca.substitute(each, symbols, numbers) for each in outputs.along_path([outputs.y, outputs.phase]))
+        seen = ca.vertcat(y, system.derivative(y), phase, system.derivative(phase))
+        names = [*file.outputs, *(f"d{each}" for each in file.outputs), "phase", "dphase"]
+        hip, force = self._held(robot.hip), self._held(robot.force(robot.u))
+        low = ca.vertcat(ca.fabs(self.q[0]) - file.fallen_pitch, file.fallen_hip - hip[1], -force[1])
+        return ControlTask(
+            self.name,
+            system,
+            [Clf(y, file.eps, gains=file.gains)],
+            nominal=NOMINAL,
+            true=file.plant,
+            start=self.start,
+            limit=file.limit,
+            duration=file.steps * file.longest_step,
+            observation=dict(zip(names, ca.vertsplit(seen), strict=True)),
+            failed=ca.mmax(low),
+            coordinates=("foot", *self.coordinates),
+            inputs=tuple(self.motors),
+            draw=self.draw,
+            impact=self.impact,
+            impacts=file.steps,
+            training=file.training,
+        )
+
+    @property
+    def start(self) -> tuple[list[float], list[float]]:
+        """The least and the greatest first state: the path's first one, and the file's `spread` around it."""
+        file, (begin, end) = self.file, self.file.phase_range
+        value, slope, _ = self.constraints.desired(0.0)
+        q = self.angles.coordinates(value, begin)
+        dq = file.phase_rate * self.angles.coordinates(slope, end - begin)
+        room = np.concatenate([[0.0], np.full(len(q), file.spread[0]), [0.0], file.spread[1] * np.abs(dq)])
+        first = np.concatenate([[0.0], q, [0.0], dq])
+        return (first - room).tolist(), (first + room).tolist()
+
+    @cached_property
+    def _points(self) -> NumpyFunction:
+        """Of a picture, from the stance foot, m: `hip`, `top` of the torso, and from foot to hip each leg, columns."""
+        robot, (x, z) = self.robot, 2 * self.numbers.links[0, 1:3] / self.numbers.links[0, 0]
+        found = {"hip": robot.hip, "top": robot.hip + rotated(ca.SX([x, z]), robot.q[SLIDES])}
+        for name, foot, link in zip(("stance", "swing"), robot.feet, robot.structure.feet, strict=True):
+            chain = [foot]
+            while link:
+                chain.append(robot.links[link].origin)
+                link = robot.structure.parents[link - 1]
+            found[name] = ca.horzcat(*chain, robot.q[:SLIDES]) - robot.feet[0]
+        held = {key: self._held(value) for key, value in found.items()}
+        return NumpyFunction.of("points", {"q": self.q}, held, ("stance", "swing"))
+
+    def draw(self, x: Array, p: Mapping[str, float]) -> list[Shape]:
+        """The robot where its hip stands still, and the ground with its marks, which pass."""
+        at = self._points(x[1 : 1 + self.q.numel()])
+        place, over = x[0] + at.hip[0], np.array([at.hip[0], 0.0])
+        legs = [Line(at.swing.T - over, "tab:gray", 5), Line(at.stance.T - over, "tab:blue", 5)]
+        torso = Line(np.array([at.hip, at.top]) - over, "black", 6)
+        ground = Line(np.array([[-1.0, 0.0], [1.0, 0.0]]), width=1)
+        first = np.ceil((place - 1) / MARKS) * MARKS
+        marks = [Disc(np.array([mark - place, 0.0]), 0.012, "black") for mark in np.arange(first, place + 1, MARKS)]
+        return [ground, *marks, *legs, torso]
+
+
+def exchanged(name: str) -> str:
+    """The same joint of the other leg."""
+    leg, _, rest = name.partition("_")
+    return f"{'swing' if leg == 'stance' else 'stance'}_{rest}"

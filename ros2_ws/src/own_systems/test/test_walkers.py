@@ -1,0 +1,218 @@
+"""Tasks with impacts: a ball that bounces, by its closed form; walkers, by pinocchio and the rigid plant."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+from cbf_clf_qp import Clf, System
+from cbf_clf_qp.functions import NumpyFunction
+from own_systems import ControlTask, Impact, TaskError
+from own_systems.episode import Rider
+from own_systems.loading import load_task
+from own_systems.recording import RideWriter, differing
+from own_systems.training import train
+from own_systems.walker import read_walker
+from rabbit_description import URDF_PATH
+from rabbit_description.planar_urdf import scaled
+from rabbit_description.state import Leg
+from rabbit_gait_design.hybrid_zero_dynamics import RepeatedStep, Walker
+from rabbit_gait_design.pinocchio_model import PinocchioModel
+from rabbit_recording.contents import contents
+from rabbit_sim.pinned_dynamics import PinnedDynamics, UrdfFeet
+from rabbit_sim.planar_plant import PlanarPlant, ahead
+from rl_trainer.transitions import Doubt
+
+EXAMPLES = Path(__file__).resolve().parents[4] / "examples"
+GRAVITY, BOUNCE = 9.81, 0.8
+WALKERS = [EXAMPLES / "three_link_walker.yaml", EXAMPLES / "amber_3m.yaml", URDF_PATH.with_suffix(".yaml")]
+
+
+@pytest.fixture(params=WALKERS, ids=lambda path: path.stem)
+def walker(request):
+    return read_walker(request.param)
+
+
+def ball(**changes):
+    """From 1 m; its rate is reversed, and BOUNCE times what it was."""
+    z, v, u = (ca.SX.sym(name) for name in ("z", "v", "u"))
+    impact = Impact(guard=z, after=ca.vertcat(0, -BOUNCE * v))
+    system = System(ca.vertcat(z, v), u, ca.vertcat(v, u - GRAVITY))
+    given = {"impact": impact, "seconds": 0.05, "duration": 10.0, "limit": 0.0, **changes}
+    return ControlTask("ball", system, [Clf(z)], {}, {}, ((1.0, 0.0), (1.0, 0.0)), **given)
+
+
+def test_a_ball_bounces_by_its_closed_form():
+    task, falling = ball(), np.sqrt(2 / GRAVITY)
+    x, impacts = np.array([1.0, 0.0]), 0
+    for k in range(1, 29):
+        moved = task.moved(x, np.zeros(0), np.zeros(1))
+        x, impacts, since = moved.x, impacts + moved.impacts, 0.05 * k - falling
+        if since >= 0:  # flights of twice BOUNCE^n times the first fall
+            n, flight = 1, 2 * BOUNCE * falling
+            while since > flight:
+                since, n, flight = since - flight, n + 1, BOUNCE * flight
+            rate = BOUNCE**n * GRAVITY * falling
+            assert impacts == n
+            assert x == pytest.approx([rate * since - GRAVITY * since**2 / 2, rate - GRAVITY * since], abs=1e-9)
+    assert impacts == 2
+
+
+def test_an_episode_is_done_after_its_impacts_and_failed_without_them():
+    ride = Rider(ball(impacts=2)).ride("nominal", 1)
+    assert (ride.outcome, ride.impacts) == ("done", 2)
+    assert ride.moments[-1].impacts == 1
+    late = Rider(ball(impacts=3, duration=1.5)).ride("nominal", 1)
+    assert (late.outcome, late.impacts, len(late.moments)) == ("failed", 2, 30)
+
+
+def test_what_does_not_fit_is_named():
+    with pytest.raises(TaskError, match="impact: after has 1 components; expected 2"):
+        ball(impact=Impact(ca.SX(1), ca.SX(1)))
+    with pytest.raises(TaskError, match="impacts = 3: expected 1 or more, and an impact"):
+        ball(impact=None, impacts=3)
+
+
+def floating(walker, x):
+    """q and q' (n,) of the whole robot, its stance foot at rest at the origin."""
+    n = len(walker.coordinates)
+    kinematics = PinocchioModel(walker.urdf, feet=walker.feet)
+    q, dq = (np.concatenate([np.zeros(2), part]) for part in (x[1 : 1 + n], x[2 + n :]))
+    feet = kinematics.update(q, dq)
+    q[:2], dq[:2] = feet.hip, feet.hip_rate
+    return q, dq
+
+
+def test_the_motion_is_pinocchios(walker):
+    task, rng, model = walker.task, np.random.default_rng(1), PinocchioModel(scaled(walker.urdf, 2.0), feet=walker.feet)
+    motion = NumpyFunction.of(
+        "motion", {"x": task.system.x, "p": task.system.p, "u": task.system.u}, {"x_dot": task.system.x_dot}
+    )
+    p = task.parameters_at({"mass": 2.0}, {})
+    n = len(walker.coordinates)
+    for _ in range(5):
+        x = np.array(task.start[0]) + rng.normal(0, 0.3, 2 * n + 2)
+        x[[0, n + 1]], u = 0, rng.normal(0, 30, len(walker.motors))
+        q, dq = floating(walker, x)
+        model.update(q, dq)
+        expected = model.pinned().acceleration(u)[2:]
+        assert motion(x, p, u).x_dot == pytest.approx([0, *x[n + 2 :], 0, *expected], rel=1e-9, abs=1e-9)
+
+
+def test_an_impact_is_pinocchios_and_loses_energy(walker):
+    """And the legs change their places: twice, and all is as it was but for the rates."""
+    task, rng, model = walker.task, np.random.default_rng(2), PinocchioModel(walker.urdf, feet=walker.feet)
+    p, n = task.parameters_at({}, {}), len(walker.coordinates)
+    strike = task._strike[1]
+    for _ in range(5):
+        x = np.array(task.start[0]) + rng.normal(0, 0.3, 2 * n + 2)
+        x[[0, n + 1]], u = 0, rng.normal(size=len(walker.motors))
+        q, dq = floating(walker, x)
+        after, _ = model.impact(q, dq)
+        struck = strike(x, p, u)
+        assert struck.x[n + 2 :] == pytest.approx(after[walker.order][2:], rel=1e-9, abs=1e-9)
+        assert struck.x[0] == pytest.approx(model.update(q, dq).swing[0])
+        mass = model.mass_matrix()
+        assert after @ mass @ after <= dq @ mass @ dq
+        again = strike(struck.x, p, struck.u)
+        assert again.x[1 : 1 + n] == pytest.approx(x[1 : 1 + n])
+        assert again.u.tolist() == u.tolist()
+        assert struck.u.tolist() == u[walker.swap].tolist()
+
+
+def test_a_walk_is_the_rigid_plants_under_the_same_torques(walker):
+    """Another integrator of another model, which knows left and right; two steps, for held torques are unstable."""
+    task = replace(walker.task, impacts=2)
+    ride, urdf = Rider(task).ride("oracle", 3), scaled(walker.urdf, 2.0)
+    assert ride.outcome == "done"
+    plant, n = PlanarPlant(PinnedDynamics(urdf, UrdfFeet(urdf, walker.feet)), ahead), len(walker.coordinates)
+    plant.reset(*floating(walker, ride.moments[0].x), Leg.LEFT)
+    for moment in ride.moments:
+        now = plant.observe()
+        swapped = moment.impacts % 2
+        order, motors = (walker.order, walker.swap) if swapped else (slice(None), slice(None))
+        assert now.q[order][2:] == pytest.approx(moment.x[1 : 1 + n], abs=1e-6)
+        assert now.dq[order][2:] == pytest.approx(moment.x[2 + n :], abs=1e-4)
+        assert now.foot_position[swapped, 0] == pytest.approx(moment.x[0], abs=1e-6)
+        plant.advance(moment.u[motors])
+
+
+def test_the_gait_repeats(walker):
+    """But for the digits that its file has."""
+    hybrid = Walker(PinocchioModel(walker.urdf, feet=walker.feet), walker.angles, walker.order)
+    step = RepeatedStep(hybrid, walker.path)
+    assert step.exists
+    assert step.rates[0] == pytest.approx(walker.file.phase_rate, abs=5e-3)
+    q, dq = hybrid.after_impact(step.instants[-1].q, step.instants[-1].dq)
+    assert q == pytest.approx(step.start[0], abs=1e-3)
+    assert dq == pytest.approx(step.start[1], abs=1e-2)
+
+
+def test_at_twice_the_mass_the_oracle_walks_and_the_nominal_controller_falls(walker):
+    task = replace(walker.task, impacts=10)
+    assert Rider(replace(task, true={})).ride("nominal", 5).outcome == "done"
+    rider = Rider(task)
+    assert rider.ride("oracle", 5).outcome == "done"
+    ride = rider.ride("nominal", 5)
+    assert ride.outcome == "failed"
+    assert ride.impacts <= 5
+
+
+def test_no_transition_spans_an_impact_and_the_oracles_estimates_are_what_is_measured(walker):
+    task = replace(walker.task, impacts=6)
+    rider = Rider(task)
+    ride = rider.ride("oracle", 3, noise=1.0)
+    transitions, jumps = rider.ticks.transitions, ride.moments[-1].impacts
+    assert jumps == 5
+    assert len(transitions) == len(ride.moments) - 1 - jumps
+    errors, targets = (np.array([getattr(item, name)[0] for item in transitions]) for name in ("error", "target"))
+    assert np.sqrt(np.mean(errors**2)) < 0.05 * np.sqrt(np.mean(targets**2))
+
+
+def test_a_walk_is_recorded_and_replayed_to_the_bit(walker, tmp_path):
+    task = replace(walker.task, impacts=5)
+    ride = Rider(task).ride("oracle", 3)
+    RideWriter(ride, tmp_path / "bag").write(None)
+    (episode,) = contents(tmp_path / "bag").episodes
+    assert (episode.recorded, episode.lost, episode.outcome) == (len(ride.moments), 0, "done")
+    assert differing(task, tmp_path / "bag") == (len(ride.moments), [], 0.0)
+
+
+@pytest.mark.timeout(600)  # s, on a busy machine
+def test_a_short_training_finds_most_of_the_error():
+    """Held out: a walk of the oracle, which no training saw; 1 is the nominal controller's error."""
+    task = load_task(str(EXAMPLES / "three_link_walker.yaml"))
+    policy, problem = train(replace(task, impacts=10), 1, episodes=3)
+    rider = Rider(replace(task, impacts=6), problem)
+    assert rider.ride("oracle", 77, noise=1.0).outcome == "done"
+    sound = [item for item in rider.ticks.transitions if not item.doubt & ~Doubt.SATURATED]
+    error = [policy.act(item.observation, item.LgV).error(item.mu)[0] - item.target[0] for item in sound]
+    assert np.linalg.norm(error) < 0.3 * np.linalg.norm([item.target[0] for item in sound])
+    assert rider.ride(policy, 77).outcome == "done"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "text"),
+    [
+        ("urdf: three_link_walker.urdf", "urdf: nosuch.urdf", "No such file"),
+        ("foot: left_foot", "foot: nosuch", "no link nosuch"),
+        ("{hip: right_hip,", "{knee: right_hip,", "expected foot and joints by the same names"),
+        ("{pitch: 1}", "{roll: 1}", "roll: expected some of pitch, stance_hip, swing_hip"),
+        ("hip: left_hip", "hip: left_knee", "expected also the joint left_hip"),
+        ("phase_range: [-0.2527,", "phase_range: [0.2527,", "expected a sum that grows"),
+        ("- [0.0, 0.1408,", "- [0.1408,", "expected 2 rows"),
+        ("limit: 100", "limit: -1", "limit"),
+        ("plant: {mass: 2}", "plant: {weight: 2}", "weight: expected some of mass, payload, motors"),
+        ("limit: 100", "limits: 100", "limits"),
+    ],
+)
+def test_a_wrong_file_is_one_line(tmp_path, old, new, text):
+    source = (EXAMPLES / "three_link_walker.yaml").read_text()
+    assert old in source
+    (tmp_path / "walker.yaml").write_text(source.replace(old, new))
+    (tmp_path / "three_link_walker.urdf").write_text((EXAMPLES / "three_link_walker.urdf").read_text())
+    with pytest.raises(TaskError) as error:
+        load_task(str(tmp_path / "walker.yaml"))
+    assert text in str(error.value)
+    assert "\n" not in str(error.value)
