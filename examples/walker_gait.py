@@ -17,6 +17,11 @@ from rabbit_gait_design.planar_design import PlanarSpecification, design
 DIGITS = 4  # after the point
 
 
+def tell(iteration: int, cost: float) -> None:
+    """Print how far the optimisation is."""
+    print(f"# {iteration}: cost {cost:.5f}", flush=True)
+
+
 def main(
     file: Path, step_length: float = 0.5, speed: float = 1.0, torque_limit: float = 100.0, clear_from: float = 0.6,
     clearance: float = 0.01, max_eigenvalue: float = 0.9,
@@ -27,9 +32,7 @@ def main(
     wanted = PlanarSpecification(
         step_length, speed, clear_from, clearance, torque_limit=torque_limit, max_eigenvalue=max_eigenvalue
     )
-    gait = design(
-        walker, wanted, own.path, lambda iteration, cost: print(f"# {iteration}: cost {cost:.5f}", flush=True)
-    )
+    gait = design(walker, wanted, own.path, tell)
     print("path:", *(f"- {row}" for row in gait.path.coeffs.round(DIGITS).tolist()), sep="\n")
     begin, end, rate = gait.path.phase_angle_start, gait.path.phase_angle_end, gait.rates[0]
     print(f"phase_range: [{begin:.{DIGITS}f}, {end:.{DIGITS}f}]", f"phase_rate: {rate:.{DIGITS}f}", sep="\n")
