@@ -6,8 +6,8 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from importlib.metadata import EntryPoint
-from importlib.util import find_spec, version
+from importlib.metadata import EntryPoint, version
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
