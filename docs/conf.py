@@ -20,7 +20,7 @@ project = "RABBIT on stepping stones"
 author = "the contributors"
 language = "en"
 root_doc = "README"
-include_patterns = ["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs/**", "ros2_ws/src/cbf_clf_qp/README.md"]
+include_patterns = ["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs/**", "ros2_ws/src/*/README.md"]
 exclude_patterns = [
     ".*",
     "docs/build",

@@ -176,7 +176,7 @@ def test_a_browser_asks_only_what_the_page_knows() -> None:
     """A wrong message is answered with one line that names what is wrong, and asks the graph for nothing."""
     page = GraphPage(0, control=True)
     try:
-        with PageClient(page.page.address) as client:
+        with PageClient(page.page.address, watches=False) as client:
             for message, word in WRONG.items():
                 client.words.pop("refused", None)
                 client.say(message)
