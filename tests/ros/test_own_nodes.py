@@ -81,7 +81,7 @@ def test_a_controller_of_another_package_walks(tmp_path: Path, package: dict[str
     folder, port = tmp_path / "walk", free_port()
     words = (*WALK, "--controller", "stranger/pd", "--out", folder, "--view", "--view-port", port, "--pace", "2")
     process = subprocess.Popen([*RABBIT, "walk", *map(str, words)], env={**os.environ, **package})
-    with PageClient(f"http://127.0.0.1:{port}", timeout=300) as client:
+    with PageClient(f"http://127.0.0.1:{port}", timeout=300, watches=False) as client:
         while process.poll() is None:
             client.hear(0.5)
     assert process.returncode == ExitCode.WALKED
@@ -111,7 +111,7 @@ def test_a_controller_and_a_simulator_of_ones_own_are_shown_and_recorded(tmp_pat
     world.wait(lambda: len({status.name for m in world.hear("diagnostics") for status in m.status}) == 2)
     space = ("-r", f"__ns:=/{world.namespace}")
     with (
-        PageClient(f"http://127.0.0.1:{port}") as client,
+        PageClient(f"http://127.0.0.1:{port}", watches=False) as client,
         example("own_simulator_node", *space),
         example("own_controller_node", *space),
     ):

@@ -35,7 +35,7 @@ class Seen:
         port = free_port()
         command = [*RABBIT, "walk", "--out", str(folder), *WALK, "--view-port", str(port)]
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-        with PageClient(f"http://127.0.0.1:{port}", timeout=300) as client:
+        with PageClient(f"http://127.0.0.1:{port}", timeout=300, watches=False) as client:
             while process.poll() is None:
                 client.hear(0.5)
         self.about = client.words["about"]
@@ -144,7 +144,7 @@ def test_wrong_ticks_are_refused_and_the_view_goes_on(world: Any) -> None:
     world.start("simulator", stones=1, motor_lag=0.004, pace=1.0, episodes=0)
     world.start("controller", controller="cbf-clf-qp")
     world.go()
-    with PageClient(f"http://127.0.0.1:{port}") as client:
+    with PageClient(f"http://127.0.0.1:{port}", watches=False) as client:
 
         def refused() -> set[str]:
             return {v.key for m in diagnostics for s in m.status for v in s.values if v.key.startswith("refused tick")}
@@ -176,7 +176,7 @@ def test_a_browser_asks_only_what_the_page_knows() -> None:
     """A wrong message is answered with one line that names what is wrong, and asks the graph for nothing."""
     page = GraphPage(0, control=True)
     try:
-        with PageClient(page.page.address) as client:
+        with PageClient(page.page.address, watches=False) as client:
             for message, word in WRONG.items():
                 client.words.pop("refused", None)
                 client.say(message)

@@ -26,9 +26,10 @@ class PageClient:
     `words`: the newest of each kind. `rows`: of the present episode, a dictionary by column for each walker.
     """
 
-    def __init__(self, address: str, timeout: float = 180.0, **headers: str) -> None:
+    def __init__(self, address: str, timeout: float = 180.0, watches: bool = True, **headers: str) -> None:
+        """`watches`: it says so, as a page does that is seen, and a played walk begins."""
         self._address, self._timeout, self._headers = address.replace("http", "ws", 1) + "/walk", timeout, headers
-        self._stack = ExitStack()
+        self._stack, self._watches = ExitStack(), watches
         self._connection: ClientConnection
         self.words: dict[str, dict[str, Any]] = {}
         self.said: list[dict[str, Any]] = []
@@ -42,7 +43,8 @@ class PageClient:
             try:
                 asked = connect(self._address, compression=None, max_size=None, additional_headers=self._headers)
                 self._connection = self._stack.enter_context(asked)
-                self.say({"do": "watch"})
+                if self._watches:
+                    self.say({"do": "watch"})
                 return self
             except OSError as error:
                 if time.monotonic() > end:
