@@ -242,11 +242,20 @@ def test_what_is_wrong_ends_a_command_with_one_line(cart, words, tmp_path, monke
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["cart_pole", "segway", "obstacle_arm"])
-def test_five_trainings_keep_what_the_nominal_controller_breaks(name):
-    task = load_task(str(EXAMPLES / f"{name}.py"))
+@pytest.mark.parametrize(
+    ("name", "first"),
+    [
+        ("cart_pole.py", 11),
+        ("segway.py", 11),
+        ("obstacle_arm.py", 11),
+        ("amber_3m.yaml", 21),
+        ("three_link_walker.yaml", 21),
+    ],
+)
+def test_five_trainings_keep_what_the_nominal_controller_breaks(name, first):
+    task = load_task(str(EXAMPLES / name))
     rider, kept = Rider(task), dict.fromkeys(("nominal", "learned", "oracle"), 0)
-    for seed in range(11, 16):  # none of them was looked at while tasks and defaults were chosen
+    for seed in range(first, first + 5):  # none of them was looked at while tasks and defaults were chosen
         policy, _ = train(task, seed)
         for label, controlling in (("nominal", "nominal"), ("learned", policy), ("oracle", "oracle")):
             kept[label] += sum(rider.ride(controlling, 1_000_000 * seed + k).is_kept for k in range(10))
