@@ -24,7 +24,7 @@ from rabbit_sim.pinned_dynamics import PinnedDynamics, UrdfFeet
 from rabbit_sim.planar_plant import PlanarPlant, ahead
 from rl_trainer.transitions import Doubt
 
-EXAMPLES = Path(__file__).resolve().parents[4] / "examples"
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 GRAVITY, BOUNCE = 9.81, 0.8
 WALKERS = [EXAMPLES / "three_link_walker.yaml", EXAMPLES / "amber_3m.yaml", URDF_PATH.with_suffix(".yaml")]
 

@@ -1,0 +1,32 @@
+"""The tasks of the examples, learned: five trainings each, with seeds that nobody had looked at."""
+
+from pathlib import Path
+
+import pytest
+from own_systems.episode import Rider
+from own_systems.loading import load_task
+from own_systems.training import train
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "first"),
+    [
+        ("cart_pole.py", 11),
+        ("segway.py", 11),
+        ("obstacle_arm.py", 11),
+        ("amber_3m.yaml", 21),
+        ("three_link_walker.yaml", 21),
+    ],
+)
+def test_five_trainings_keep_what_the_nominal_controller_breaks(name, first):
+    task = load_task(str(EXAMPLES / name))
+    rider, kept = Rider(task), dict.fromkeys(("nominal", "learned", "oracle"), 0)
+    for seed in range(first, first + 5):  # none of them was looked at while tasks and defaults were chosen
+        policy, _ = train(task, seed)
+        for label, controlling in (("nominal", "nominal"), ("learned", policy), ("oracle", "oracle")):
+            kept[label] += sum(rider.ride(controlling, 1_000_000 * seed + k).is_kept for k in range(10))
+    assert (kept["learned"], kept["oracle"]) == (50, 50)
+    assert kept["nominal"] < 25  # it breaks the limit in most
