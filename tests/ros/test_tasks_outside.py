@@ -1,0 +1,102 @@
+"""The tasks of the examples as a user's package outside the project, by pip and by colcon; nothing is edited here."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from rabbit_common.executables import find_executable
+
+ROOT = Path(__file__).resolve().parents[2]
+TASKS = ("cart_pole", "segway", "obstacle_arm")
+SETUP = """
+from setuptools import setup
+INDEX = ("share/ament_index/resource_index/packages", ["resource/my_tasks"])
+setup(
+    name="my_tasks", version="1.0", packages=["my_tasks"], data_files=[INDEX, ("share/my_tasks", ["package.xml"])],
+    entry_points={{"rabbit.systems": [{entries}]}},
+)
+"""
+PACKAGE_XML = """<package format="3">
+<name>my_tasks</name><version>1.0.0</version><description>Tasks of mine</description>
+<maintainer email="me@example.com">me</maintainer><license>MIT</license><exec_depend>own_systems</exec_depend>
+<export><build_type>ament_python</build_type></export></package>"""
+GRAPH = """
+source {install}/local_setup.bash
+rabbit system evaluate mine_segway --rides 1
+{nodes}/controller --ros-args -r __ns:=/outside -p task:=mine_cart_pole -p policy:=oracle & controller=$!
+{nodes}/simulator --ros-args -r __ns:=/outside -p task:=mine_cart_pole -p episodes:=1 > said 2>&1 & simulator=$!
+for _ in {{1..600}}; do grep -q "episode 1: done" said && break; sleep 0.2; done
+kill $controller $simulator
+wait $controller $simulator
+grep "episode 1: done" said
+"""
+
+
+@pytest.fixture
+def package(tmp_path: Path) -> Path:
+    """Its folder; the tasks are called `mine_cart_pole` and so on."""
+    folder = tmp_path / "src" / "my_tasks"
+    (folder / "my_tasks").mkdir(parents=True)
+    (folder / "resource").mkdir()
+    (folder / "resource" / "my_tasks").touch()
+    (folder / "my_tasks" / "__init__.py").touch()
+    for task in TASKS:
+        shutil.copy(ROOT / "examples" / f"{task}.py", folder / "my_tasks")
+    entries = ", ".join(f'"mine_{task} = my_tasks.{task}:TASK"' for task in TASKS)
+    (folder / "setup.py").write_text(SETUP.format(entries=entries))
+    (folder / "package.xml").write_text(PACKAGE_XML)
+    return folder
+
+
+def run(words: list[str], folder: Path, **more: str) -> str:
+    """What a command prints; it must end well."""
+    done = subprocess.run(
+        words, cwd=folder, env={**os.environ, **more}, capture_output=True, text=True, timeout=300, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+@pytest.mark.thorough
+def test_installed_by_pip_each_task_is_evaluated_ridden_and_checked(package: Path, tmp_path: Path) -> None:
+    site = tmp_path / "site"
+    pip = [
+        sys.executable,
+        "-m",
+        "pip",
+        "install",
+        "--quiet",
+        "--no-deps",
+        "--no-build-isolation",
+        "--target",
+        str(site),
+    ]
+    run([*pip, str(package)], tmp_path)
+    path = os.pathsep.join((str(site), os.environ.get("PYTHONPATH", "")))
+    for task in TASKS:
+        words = ["rabbit", "system", "evaluate", f"mine_{task}", "--rides", "1", "--out", str(tmp_path / task)]
+        run(words, tmp_path, PYTHONPATH=path)
+        assert json.loads((tmp_path / task / "summary.json").read_text())["oracle"]["kept"] == 1
+        ridden = str(tmp_path / f"{task}-ride")
+        run(["rabbit", "system", "ride", f"mine_{task}", "--out", ridden], tmp_path, PYTHONPATH=path)
+        said = run(["rabbit", "system", "check", f"{ridden}/recording", f"mine_{task}"], tmp_path, PYTHONPATH=path)
+        assert "inputs identical" in said
+
+
+@pytest.mark.thorough
+def test_built_by_colcon_the_nodes_run_it(package: Path, tmp_path: Path) -> None:
+    run([sys.executable, shutil.which("colcon") or "colcon", "build"], tmp_path)
+    said = run(
+        [
+            "bash",
+            "-c",
+            GRAPH.format(install=tmp_path / "install", nodes=find_executable("own_systems", "controller").parent),
+        ],
+        tmp_path,
+    )
+    assert "oracle" in said
+    assert "episode 1: done" in said
