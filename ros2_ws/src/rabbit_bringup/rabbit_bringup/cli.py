@@ -29,8 +29,8 @@ GROUP = "rabbit.commands"
 # as the help text lists them; those of other packages follow by name
 ORDER = (
     *("play", "walk", "view", "run", "evaluate", "system", "benchmark", "misses", "speed", "reproduce"),
-    *("gait", "train", "policy", "estimates", "estimator", "rival", "residual", "bench", "jitter", "soak", "faults"),
-    *("bag", "video"),
+    *("gait", "train", "scales", "policy", "estimates", "estimator", "rival", "residual"),
+    *("bench", "jitter", "soak", "faults", "bag", "video"),
 )
 # what `pip install` leaves out unless asked: who only walks needs none of it
 EXTRAS = {"torch": "rl_trainer[learn]", "imageio_ffmpeg": "rabbit_viewer[film]"}

@@ -1,0 +1,47 @@
+"""Measure the scales of alpha, beta and their error on a few walks, and write them into a controller's file."""
+
+import re
+from pathlib import Path
+
+import typer
+from pydantic import Field
+from rabbit_common.options import Defaults, Given, complaints, fail, options
+from rabbit_sim.parameters import SimulationParameters
+from rl_cbf_clf_controller.parameters import ControllerParameters
+
+from rabbit_experiments.conditions import TRAINING_PLANT, TRAINING_SLACK_WEIGHT, TuningOptions
+
+DEFAULTS = Defaults(always={"slack_weight": TRAINING_SLACK_WEIGHT, **TRAINING_PLANT})
+LINE = re.compile(r"^(SCALES\b[^=\n]*= ).*$", re.MULTILINE)
+
+app = typer.Typer(add_completion=False)
+
+
+class ScalesOptions(TuningOptions):
+    """Options of `rabbit scales` besides those of plant and controller."""
+
+    into: Path | None = Field(None, description="Python file, whose line SCALES = ... is written anew")
+    walks: int = Field(2, ge=1, le=1000, description="walks of the nominal controller, and as many of the oracle")
+    seed: int = Field(1, ge=0, le=2**63 - 1, description="seed of courses and first states")
+
+
+@app.command()
+@options(ScalesOptions, ControllerParameters, SimulationParameters, defaults=DEFAULTS)
+def scales(given: Given) -> None:
+    """Measure the scales of alpha, beta and their error on a few walks, and write them into a controller's file."""
+    from rabbit_experiments.commands.evaluate import given_assembly
+    from rabbit_experiments.evaluation import episode_seeds
+    from rabbit_experiments.measured_scales import ScalesError, measure_scales
+
+    request = given.build(ScalesOptions)
+    text = request.into.read_text(encoding="utf-8") if request.into and request.into.is_file() else ""
+    if request.into and len(LINE.findall(text)) != 1:
+        fail(f"--into {request.into}: {len(LINE.findall(text))} lines that begin with SCALES and have =; expected one")
+    assembly = given_assembly(given, "oracle", request.parameters)
+    with complaints(ScalesError):
+        found = measure_scales(assembly, episode_seeds(request.seed, request.walks).values())
+    said = "{" + ", ".join(f'"{name}": {values}' for name, values in found.items()) + "}"
+    print(f"SCALES = {said}")
+    if request.into:
+        with complaints(OSError):
+            request.into.write_text(LINE.sub(lambda line: line[1] + said, text), encoding="utf-8")
