@@ -31,6 +31,7 @@ from types import FrameType
 
 sys.path.append(str(Path(__file__).resolve().parents[2] / "tests/shared"))
 sys.path.append(str(Path(__file__).resolve().parents[2] / "ros2_ws/src/rabbit_recording/test"))
+sys.path.append(str(Path(__file__).resolve().parents[2] / "ros2_ws/src/rl_cbf_clf_controller/test"))
 
 import numpy as np
 import torch

@@ -50,6 +50,7 @@ def trained(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
     def no_walk(job: Walk) -> RunResult:
         values = dict.fromkeys(RunRow.model_fields, 0) | {"outcome": "walked", "success": True, "stones": 20}
+        values |= {"least_barriers": {}}
         return RunResult(row=RunRow.model_validate(values), violations=[], tick_seconds=[])
 
     monkeypatch.setattr(TrainingJob, "do", instead)
