@@ -62,7 +62,8 @@ class Player {
       ({set: () => this.set(message.settings), reset: () => { this.isResetDue = true; }, pause: () => { this.isPaused = message.paused; },
         begin: () => { this.chosen = this.checked(message.settings); this.isResetDue = true; },
         tick: () => { this.isPaused = true; this.tick(); }, speed: () => { this.speed = message.speed; },
-        push: () => this.robots.forEach((robot) => robot.push(message.force, message.seconds))})[message.do]();
+        push: () => this.robots.forEach((robot) => robot.push(message.force, message.seconds)),
+        watch: () => {}})[message.do](); // it walks from the first picture on, whoever looks
     } catch (error) {
       this.refuse(error);
     }
