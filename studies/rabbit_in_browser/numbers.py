@@ -9,6 +9,7 @@ from cbf_clf_qp.answer import TOLERANCE
 from cbf_clf_qp.constraints import ResClf
 from rabbit_description.gait import GaitLibrary, load_gaits
 from rabbit_description.state import TICK_SECONDS
+from rabbit_experiments.conditions import TRAINING_SCALE
 from rabbit_experiments.walk_records import drawn_parameters
 from rabbit_sim import engine_plant, mujoco_plant, plant, simulation, terrain, touchdown_detector
 from rabbit_sim.initial_state import initial_state
@@ -136,6 +137,7 @@ def page_controls() -> list[dict[str, Any]]:
     known = {each["name"]: each for each in controls()}
     known["stone_width"]["when"] = "now"
     known["again"]["default"] = "next course"
+    known["mass_scale"]["default"], known["seed"]["default"] = TRAINING_SCALE, SEEDS[0]  # the robot that was learned
     known["seed"]["maximum"], known["seed"]["minimum"] = SEEDS[-1], SEEDS[0]
     names = list(CONTROLLERS)
     return [
