@@ -26,8 +26,8 @@ def state_fields(task: ControlTask, x: Array, applied: Array, impacts: int = 0) 
     """Of `RobotState`, but its head; `applied` (m,): the input over the tick that ends here; `impacts` so far."""
     n = len(task.names_of_q)
     dq = x[n:] if len(x) > n else np.full(n, np.nan)
-    told = {"q": doubles(x[:n]), "dq": doubles(dq), "applied": doubles(applied)}
-    return told | {"touchdowns": impacts, "running": True}
+    arrays = {"q": doubles(x[:n]), "dq": doubles(dq), "applied": doubles(applied)}
+    return {**arrays, "touchdowns": impacts, "running": True}
 
 
 def state_of(task: ControlTask, message: Any) -> Array:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import Array
+from rabbit_experiments.measured_scales import LEAST, QUANTILE, ROOM
 from rl_cbf_clf_controller.policy import ActorPolicy, LearnedPolicy
 from rl_cbf_clf_controller.problem import Problem
 from rl_trainer.systems import EpisodePlan, TrainingParameters, learn
@@ -17,8 +18,6 @@ from own_systems.episode import NOMINAL, ORACLE, Rider
 from own_systems.task import ControlTask
 
 RIDES = 3  # of the nominal controller and of the oracle, each
-ROOM = 1.5  # of a scale, over the most that was seen
-LEAST = 1e-3  # of a scale, where nothing was seen
 SLOW = {"actor_rate": 6e-4, "critic_rate": 1e-3, "polyak": 3e-3, "batch": 160, "hidden1": 64, "hidden2": 64}
 SCHEDULE = {"sigma_factors": (1,), "nominal_episodes": 1, "updates_per_tick": 0, "updates_least": 600, "episodes": 5}
 
@@ -43,7 +42,7 @@ def measured_problem(task: ControlTask, seed: int) -> Problem:
         if controller == NOMINAL:
             errors += [_error(each, rider.problem.has_clf) for each in rider.ticks.transitions]
     means, deviations = np.mean(read, axis=0).tolist(), _floored(np.std(read, axis=0))
-    alpha_scale, beta_scale = (_floored(ROOM * np.quantile(each, 0.99, axis=0)) for each in (alphas, betas))
+    alpha_scale, beta_scale = (_floored(ROOM * np.quantile(each, QUANTILE, axis=0)) for each in (alphas, betas))
     return replace(
         rider.problem,
         units=tuple(zip(rider.problem.observation, means, deviations, strict=True)),

@@ -16,7 +16,9 @@ from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.evaluation import record_walk
 from rabbit_experiments.walk_records import WalkRecords
 
-ROOM, QUANTILE, LEAST = 1.5, 0.99, 1e-3
+ROOM = 1.5  # of a scale, over what `QUANTILE` of the ticks stay below
+QUANTILE = 0.99
+LEAST = 1e-3  # a scale, where nothing was seen
 
 
 class ScalesError(ValueError):

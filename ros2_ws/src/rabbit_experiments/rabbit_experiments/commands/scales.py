@@ -6,6 +6,7 @@ from pathlib import Path
 import typer
 from pydantic import Field
 from rabbit_common.options import Defaults, Given, complaints, fail, options
+from rabbit_description.atomic_file import replace_text
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
@@ -35,8 +36,9 @@ def scales(given: Given) -> None:
 
     request = given.build(ScalesOptions)
     text = request.into.read_text(encoding="utf-8") if request.into and request.into.is_file() else ""
-    if request.into and len(LINE.findall(text)) != 1:
-        fail(f"--into {request.into}: {len(LINE.findall(text))} lines that begin with SCALES and have =; expected one")
+    lines = len(LINE.findall(text))
+    if request.into and lines != 1:
+        fail(f"--into {request.into}: {lines} lines that begin with SCALES and have =; expected one")
     assembly = given_assembly(given, "oracle", request.parameters)
     with complaints(ScalesError):
         found = measure_scales(assembly, episode_seeds(request.seed, request.walks).values())
@@ -44,4 +46,4 @@ def scales(given: Given) -> None:
     print(f"SCALES = {said}")
     if request.into:
         with complaints(OSError):
-            request.into.write_text(LINE.sub(lambda line: line[1] + said, text), encoding="utf-8")
+            replace_text(request.into, LINE.sub(lambda line: line[1] + said, text))

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from cbf_clf_qp.answer import Decided
 from cbf_clf_qp.estimates import Estimates
-from rabbit_description.state import RobotState
+from rabbit_description.state import TICK_SECONDS, RobotState
 from rabbit_experiments.walk_records import CONTROLLERS
 from rabbit_recording.explaining import WORDS
 from rabbit_sim.simulation import Landing
@@ -113,7 +113,8 @@ def why_it_fell(name: str, outcome: str, kept: Sequence[Kept], landings: Sequenc
         said = f"V, how far it is from its gait, was to fall by {was}; it {'rose' if did > 0 else 'fell only'} by {now}"
     side = "past the far edge" if row == "B1" else "short of the near edge"
     cause = f": its foot came down {off * 1000:.0f} mm {side} of stone {walked + 1}" if missed else ""
-    told = f"{where}{cause}. It could not keep the row {row}, “{meaning}”: at {tick.output.tick / 100:.2f} s {said}."
+    when = f"at {tick.output.tick * TICK_SECONDS:.2f} s"
+    told = f"{where}{cause}. It could not keep the row {row}, “{meaning}”: {when} {said}."
     return {"reason": told, "tick": tick.output.tick}
 
 
