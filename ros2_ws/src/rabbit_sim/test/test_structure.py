@@ -10,7 +10,12 @@ from rabbit_description.state import BodySensors
 from rabbit_sim.actuation import Actuation
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.perturbation import Measured, Memory
+from rabbit_sim.perturbations.cogging import Cogging
+from rabbit_sim.perturbations.coupled_joints import CoupledJoints
 from rabbit_sim.perturbations.encoder_drift import EncoderDrift
+from rabbit_sim.perturbations.encoder_gain import EncoderGain
+from rabbit_sim.perturbations.fading_motors import FadingMotors
+from rabbit_sim.perturbations.filtered_rates import FilteredRates
 from rabbit_sim.perturbations.hysteresis import STIFFNESS, Hysteresis
 from rabbit_sim.perturbations.sensor_dropout import SensorDropout
 from rabbit_sim.perturbations.sensor_jitter import SensorJitter
@@ -137,3 +142,41 @@ def test_late_measurements_are_of_the_past_at_most_so_old() -> None:
 def test_a_lab_has_a_delay_and_no_jitter() -> None:
     with pytest.raises(ValidationError, match=r"sensor_jitter = 0\.004 with sensors lab: expected 0, or sensor_delay"):
         SimulationParameters(sensor_jitter=0.004, sensors="lab")
+
+
+def test_a_fading_motor_brakes_with_all_its_torque_and_drives_with_less() -> None:
+    """At half the no-load speed half the stall torque is left along the motion; at rest all of it."""
+    motors, asked = FadingMotors(no_load_speed=10.0), np.array([150.0, -150.0, 150.0, 150.0])
+    rates = np.array([5.0, 5.0, 0.0, 12.0])
+    assert motors.transmitted(Memory(), asked, np.zeros(4), rates).tolist() == [100.0, -150.0, 150.0, 0.0]
+
+
+def test_cogging_does_no_work_over_a_turn() -> None:
+    motors, angles = Cogging(cogging=7.0), np.arange(0, 2 * pi, 1e-3)
+    torques = [motors.transmitted(Memory(), np.zeros(4), np.full(4, each), np.ones(4))[0] for each in angles]
+    assert np.trapezoid(torques, angles) == pytest.approx(0, abs=1e-3)
+    assert np.max(np.abs(torques)) == pytest.approx(7, rel=1e-3)
+
+
+def test_a_coupled_hip_pulls_at_its_own_knee() -> None:
+    legs, torque = CoupledJoints(joint_coupling=0.25), np.array([40.0, 1.0, -8.0, 2.0])
+    assert legs.transmitted(Memory(), torque, np.zeros(4), np.zeros(4)).tolist() == [40.0, 11.0, -8.0, 0.0]
+    assert torque.tolist() == [40.0, 1.0, -8.0, 2.0]
+
+
+def test_an_encoder_with_a_gain_measures_the_rate_of_its_own_angle() -> None:
+    encoder, memory = EncoderGain(encoder_gain_spread=0.1), Memory(rng=np.random.default_rng(3))
+    encoder.begin(memory)
+    first, second = (encoder.measure(memory, measured(value), reading()) for value in (1.0, 2.0))
+    assert second.q[3:] == pytest.approx(2 * first.q[3:])
+    assert first.q[3:] == pytest.approx(first.dq[3:])
+    assert len(set(first.q[3:])) == 4
+    assert first.q[:3].tolist() == [1.0] * 3
+
+
+def test_filtered_rates_reach_a_step_as_a_filter_of_first_order_does() -> None:
+    rates, memory = FilteredRates(rate_filter=0.02), Memory()
+    rates.begin(memory)
+    rates.measure(memory, measured(0.0), reading())
+    after = [rates.measure(memory, measured(1.0), reading()).dq[3] for _ in range(5)]
+    assert after == pytest.approx(1 - np.exp(-0.01 * np.arange(1, 6) / 0.02))
