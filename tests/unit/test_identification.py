@@ -9,7 +9,7 @@ from rabbit_description.state import TICK_SECONDS
 from rabbit_gait_design.pinocchio_model import PinocchioModel
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.robot_urdf import perturbed_urdf
-from rl_cbf_clf_controller.identification import DAMPING, MOTOR_GAIN, THETA, Identification
+from rl_cbf_clf_controller.identification import DAMPING, MOTOR_GAIN, THETA, Identification, disbelief
 from rl_cbf_clf_controller.least_squares import LeastSquares, updated
 from rl_cbf_clf_controller.planar_robot import PinnedRobot
 from rl_cbf_clf_controller.robot_numbers import RobotNumbers, read_robot
@@ -39,14 +39,14 @@ def random_state(rng):
     return POSE + rng.uniform(-0.3, 0.3, 7), rng.uniform(-3, 3, 7)
 
 
-def walk_about(true: PinocchioModel, identification: Identification, ticks: int) -> None:
-    """Ticks whose mean motion is the true robot's exactly, in poses at random."""
+def walk_about(true: PinocchioModel, identification: Identification, ticks: int, pull: float = 0.0) -> None:
+    """Ticks whose mean motion is the true robot's exactly, in poses at random; a cable pulls at its joints, N m."""
     rng, before = np.random.default_rng(5), np.zeros(4)
     for _ in range(ticks):
         (q, dq), u = random_state(rng), rng.normal(0, 40, 4)
         true.update(q, dq)
         dynamics = true.pinned()
-        arrived = u + LATE * (before - u)
+        arrived = u + LATE * (before - u) + pull
         ddq, force = dynamics.acceleration(arrived), dynamics.force(arrived)
         half = TICK_SECONDS / 2
         ends = [np.concatenate([q + side * dq, dq + side * ddq]) for side in (-half, half)]
@@ -124,7 +124,7 @@ def updating(n: int, m: int) -> NumpyFunction:
     """`updated` of n numbers from m measurements, for numpy."""
     shapes = {"value": (n, 1), "covariance": (n, n), "walk": (n, n), "H": (m, n), "z": (m, 1), "noise": (m, m)}
     symbols = {name: ca.SX.sym(name, *shape) for name, shape in shapes.items()}
-    value, covariance = updated(*symbols.values())
+    value, covariance, _ = updated(*symbols.values())
     return NumpyFunction.of("updated", symbols, {"value": value, "covariance": covariance}, matrices=("covariance",))
 
 
@@ -151,3 +151,29 @@ def test_least_squares_keep_what_is_not_measured():
         found = updating(2, 1)(fit.value, fit.covariance, fit.walk, *measured)
         fit.take(found.value, found.covariance)
     assert fit.value == pytest.approx([3.0, 2.0])
+
+
+def test_an_innovation_has_a_mean_square_of_one():
+    """If the measurements are as the least squares take them: Gaussian, with the covariance that they are told."""
+    x, P, z = ca.SX.sym("x", 2), ca.SX.sym("P", 2, 2), ca.SX.sym("z", 3)
+    H, R, rng = ca.SX.sym("H", 3, 2), np.diag([0.1, 1.0, 4.0]), np.random.default_rng(8)
+    after = updated(x, P, ca.SX.zeros(2, 2), H, z, ca.DM(R))
+    step = NumpyFunction.of("step", {"x": x, "P": P, "H": H, "z": z}, dict(zip(("x", "P", "square"), after, strict=True)))
+    squares = []
+    for _ in range(400):
+        truth, found, covariance = rng.normal(size=2), np.zeros(2), np.eye(2)
+        for _ in range(10):
+            rows = rng.normal(size=(3, 2))
+            later = step(found, covariance, rows, rows @ truth + rng.normal(size=3) * np.sqrt(R.diagonal()))
+            found, covariance = later.x, later.P
+            squares.append(later.square.item())
+    assert np.mean(squares) == pytest.approx(1, abs=4 * np.sqrt(2 / 3 / len(squares)))  # of chi-squared / 3
+
+
+def test_masses_are_believed_and_a_cable_at_the_joints_is_doubted():
+    for pull, expected in ((0.0, 0.0), (40.0, 1.0)):
+        identification = Identification(numbers())
+        walk_about(robot(mass_scale=2.0), identification, 100, pull)
+        assert disbelief(identification.doubt) == expected
+    identification.reset()
+    assert disbelief(identification.doubt) == 0

@@ -209,7 +209,10 @@ class BatchController:
         sees_stone = ~np.isnan(states.stones[:, :1])
         np.copyto(p[:, self._one._stone], states.stones - self._moved[:, (0, 0, 1)], where=sees_stone)
         if self._robots:
-            late = self._robots.lateness
+            late, doubts = self._robots.lateness, self._robots.disbelief
+            eps = (1 - doubts) * parameters.eps + doubts * parameters.doubt_eps
+            self._left[(eps != p[:, places["eps"]])[:, 0]] = np.nan
+            p[:, places["eps"]] = eps
             p[:, places["torque_change_weight"]] = late * parameters.torque_change_weight
             p[:, places["stone_margin"]] = parameters.stone_margin + late * parameters.late_margin
             if parameters.prediction:

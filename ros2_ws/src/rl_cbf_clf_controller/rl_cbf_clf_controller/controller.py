@@ -104,7 +104,7 @@ class Controller:
         self._nothing, self._slacks = self.qp.no_error(), np.array([~rescues, rescues], dtype=float)
         self._parameters = parameters
         self.parameters = parameters
-        self._robot = IdentifiedRobot(robot) if parameters.adaptation == "identification" else None
+        self._robot = IdentifiedRobot(robot, parameters.doubt_eps > 0) if parameters.adaptation == "identification" else None
         self._estimators = (*([self._robot] if self._robot else []), *self._kind.estimators(parameters))
         self.policy = policy
         self._terrain = Terrain(self._kind.terrain)
@@ -215,7 +215,10 @@ class Controller:
             along, up = self._moved(x, float(force[0, 1])).tolist() if self.parameters.stone_tracking else (0.0, 0.0)
             p[self._stone] = stone.l_min - along, stone.l_max - along, stone.height - up
         if self._robot:
-            late, parameters = self._robot.lateness, self.parameters
+            late, doubts, parameters = self._robot.lateness, self._robot.disbelief, self.parameters
+            eps = (1 - doubts) * parameters.eps + doubts * parameters.doubt_eps
+            if eps != p[places["eps"]]:
+                p[places["eps"]], step.last = eps, None  # as of a change of parameters: V has two gains
             p[places["torque_change_weight"]] = late * parameters.torque_change_weight
             p[places["stone_margin"]] = parameters.stone_margin + late * parameters.late_margin
             if self.parameters.prediction:

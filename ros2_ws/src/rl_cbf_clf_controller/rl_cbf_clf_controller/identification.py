@@ -16,6 +16,10 @@ towards none. So both sides go through the same low-pass (FILTER_TIME) first, wh
 the noise is M times that of q'', which is in R with the rates' variance; the other entries of R are for what the means
 over a tick leave out.
 
+What such a robot does not explain is seen in the innovations. Their normalised square is below 0.1 in the mean for any
+masses, and about 1 for motors that saturate unseen or joints whose friction remembers. The doubt (0 to 1) follows it,
+fast when it rises and slowly when it falls.
+
 The prior: the nominal robot, and around it a mass scale, a point mass at the torso's centre of mass
 and, much less, any change of any link. M_jj is that of the last x. d, kappa, theta are told apart because F is
 measured in newtons and not in torques.
@@ -55,11 +59,14 @@ NOISE = np.diag([FORCE_NOISE**2] * 2 + [MOMENT_NOISE**2] * 5)
 USUAL_LATE, LATE_RANGE = 0.42, 0.1  # a motor lag of 4 ms has 0.37; 8 kN m/s at twice the mass 0.5 to 0.8
 SHARE = float(1 - np.exp(-TICK_SECONDS / FILTER_TIME))
 PER_RATE_VARIANCE = 2 * (SHARE / TICK_SECONDS) ** 2 / (2 - SHARE)  # of a low-passed difference of white noise
+EXPLAINED, UNEXPLAINED = 0.5, 2.0  # normalised squares of an innovation; the doubt goes towards 0 and 1 there
+DOUBT_RISES, DOUBT_FALLS = 0.1, 0.01  # of the way, each tick
+DOUBT_BEGINS, DOUBT_WINS = 0.15, 0.5  # the doubts from which on the robot found counts less, and no more
 NOTHING_FILTERED = np.zeros((7, SIZE)), np.zeros(7)
 
 
 class Identification:
-    """`value` (15,), as in `IDENTIFIED`, of a robot with the lengths of `robot`; starts from its links.
+    """`value` (15,), as in `IDENTIFIED`, and the `doubt` (1,) of it, of a robot with the lengths of `robot`; starts from its links.
 
     What the least squares say is taken over as long as it is a robot that can be. One object serves one thread.
     """
@@ -74,7 +81,7 @@ class Identification:
     def reset(self) -> None:
         """Return to the prior: the nominal robot."""
         self._fit = LeastSquares(self._start, self._prior, WALK * self._prior)
-        self.value = self._start
+        self.value, self.doubt = self._start, np.zeros(1)
         self.interrupt()
 
     def interrupt(self) -> None:
@@ -96,31 +103,34 @@ class Identification:
         """
         fit, of_robot = self._fit, (self._joints, self._feet, self.value[THETA])
         of_fit = fit.value, fit.covariance, fit.walk
-        of_tick = start, end, *torques, force, *self._filtered, self._share, np.array([rate_variance])
+        of_tick = start, end, *torques, force, *self._filtered, self._share, np.array([rate_variance]), self.doubt
         found = self._learned(*of_robot, *of_fit, *of_tick)
         self._filtered, self._share = (found.regressor, found.measured), np.array([SHARE])
         fit.take(found.value, found.covariance)
+        self.doubt = found.doubt
         if is_physical(fit.value[THETA]) and fit.value[MOTOR_GAIN] > 0:
             self.value = fit.value
 
 
 def identification_function() -> NumpyFunction:
-    """x `value` and its `covariance` a tick later, then the filtered `regressor` and `measured` side.
+    """x `value`, its `covariance` and the `doubt` a tick later, then the filtered `regressor` and `measured` side.
 
     Its inputs are those of `Identification.learn`, in this order: joints, feet, theta; value, covariance, walk; start,
-    end, torque before and now, force, filtered regressor and measured side, share, rate_variance.
+    end, torque before and now, force, filtered regressor and measured side, share, rate_variance, doubt.
     """
     sizes = {"joints": (4, 2), "feet": (2, 2), "theta": (12, 1)}
     sizes |= {"value": (SIZE, 1), "covariance": (SIZE, SIZE), "walk": (SIZE, SIZE)}
     sizes |= {"start": (14, 1), "end": (14, 1), "before": (4, 1), "now": (4, 1), "force": (2, 2)}
     sizes |= {"regressor": (7, SIZE), "measured": (7, 1), "share": (1, 1), "rate_variance": (1, 1)}
+    sizes |= {"doubt": (1, 1)}
     s = {name: ca.SX.sym(name, *size) for name, size in sizes.items()}
     regressor, measured, mass = equation(s)
     regressor = s["regressor"] + s["share"] * (regressor - s["regressor"])
     measured = s["measured"] + s["share"] * (measured - s["measured"])
     noise = ca.DM(NOISE) + PER_RATE_VARIANCE * s["rate_variance"] * mass @ mass
-    value, covariance = updated(s["value"], s["covariance"], s["walk"], regressor, measured, noise)
+    value, covariance, square = updated(s["value"], s["covariance"], s["walk"], regressor, measured, noise)
     found = {"value": value, "covariance": covariance, "regressor": regressor, "measured": measured}
+    found["doubt"] = doubt_after(s["doubt"], square)
     return NumpyFunction.of("identification", s, found)
 
 
@@ -145,6 +155,17 @@ def equation(s: dict[str, ca.SX]) -> tuple[ca.SX, ca.SX, ca.SX]:
     damping = ca.vertcat(base, (ca.diag(mass) * at_tick[1][1])[BASE:])
     own = [damping, ca.vertcat(base, -s["now"]), ca.vertcat(base, -(s["before"] - s["now"]))]
     return ca.horzcat(moved, *own), jacobians.T @ ca.vec(s["force"].T), mass
+
+
+def doubt_after(doubt: ca.SX, square: ca.SX) -> ca.SX:
+    """The doubt after an innovation with this normalised square."""
+    aim = ca.fmin(ca.fmax((square - EXPLAINED) / (UNEXPLAINED - EXPLAINED), 0), 1)
+    return doubt + ca.if_else(aim > doubt, DOUBT_RISES, DOUBT_FALLS) * (aim - doubt)
+
+
+def disbelief(doubt: Array) -> Array:
+    """How little the robot found counts, from 0 to 1, by the `doubt` of it, of any shape."""
+    return ((doubt - DOUBT_BEGINS) / (DOUBT_WINS - DOUBT_BEGINS)).clip(0, 1)
 
 
 def lateness(late_torque: Array) -> Array:

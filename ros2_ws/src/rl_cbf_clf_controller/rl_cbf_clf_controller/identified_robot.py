@@ -10,6 +10,9 @@ The identification uses a tick only if the stance foot was the only one on the g
 So it leaves out the tick of a touchdown, flight, a swing foot on the ground, a missing tick, an unknown torque. (A foot
 that bounces lands twice.) It forgets nothing when the legs swap: the robot is the same from either leg. An episode
 begins with nothing known, and with some ticks in which only the noise of the rates is found (`rate_noise.py`).
+
+No masses explain a motor that saturates unseen. As far as the innovations say so (`identification.py`), the robot found
+is disbelieved: its estimates and its prediction fade, and what is left is the nominal model.
 """
 
 from copy import copy
@@ -25,6 +28,7 @@ from rl_cbf_clf_controller.identification import (
     MOTOR_GAIN,
     THETA,
     Identification,
+    disbelief,
     lateness,
 )
 from rl_cbf_clf_controller.joint_calibration import JointCalibration
@@ -33,17 +37,20 @@ from rl_cbf_clf_controller.robot_numbers import RobotNumbers
 from rl_cbf_clf_controller.scene import Estimator, Scene, is_finite
 from rl_cbf_clf_controller.state_prediction import prediction_function
 
-KNOWN = (*IDENTIFIED, "hip_offset", "knee_offset")  # rad
+KNOWN = (*IDENTIFIED, "hip_offset", "knee_offset", "doubt")  # offsets in rad
 SETTLING = 2  # ticks on the ground before what is measured counts
 PITCH_RATE = 9  # its place in the state
 CONTACT_FORCE = 1.0  # N; a foot that carries less is in the air
 
 
 class IdentifiedRobot(Estimator):
-    """The robot as identified so far; it begins as the `nominal` one. One object serves one thread."""
+    """The robot as identified so far; it begins as the `nominal` one. One object serves one thread.
 
-    def __init__(self, nominal: RobotNumbers) -> None:
-        self._nominal = nominal
+    With `gives_way` it counts less where it does not explain what is measured.
+    """
+
+    def __init__(self, nominal: RobotNumbers, gives_way: bool = False) -> None:
+        self._nominal, self._gives_way = nominal, gives_way
         self._identification = Identification(nominal)
         self._calibration = JointCalibration(nominal)
         self._rate_noise = RateNoise()
@@ -52,8 +59,13 @@ class IdentifiedRobot(Estimator):
 
     @property
     def known(self) -> Array:
-        """(17,), as in `KNOWN`."""
-        return np.concatenate([self._identification.value, self._calibration.value])
+        """(18,), as in `KNOWN`."""
+        return np.concatenate([self._identification.value, self._calibration.value, self._identification.doubt])
+
+    @property
+    def disbelief(self) -> float:
+        """See `identification.disbelief`; 0 where it does not give way."""
+        return float(disbelief(self._identification.doubt[0])) if self._gives_way else 0.0
 
     @property
     def lateness(self) -> float:
@@ -95,14 +107,15 @@ class IdentifiedRobot(Estimator):
         self._measured = x
         if not is_finite(torque):
             return x
-        return self._predicted(x, self._row, torque, self._identification.value[LATE_TORQUE : LATE_TORQUE + 1]).x
+        found = self._predicted(x, self._row, torque, self._identification.value[LATE_TORQUE : LATE_TORQUE + 1]).x
+        return (1 - self.disbelief) * found + self.disbelief * x
 
     def estimate(self, scene: Scene, before: Estimates) -> Estimates:
         """Learn from the tick that ends now; then by how much the robot found differs from the nominal one."""
         measured = scene.x if self._measured is None else self._measured
         self._learn(scene, measured)
         self._last, self._measured_last, self._measured = scene, measured, None
-        return scene.error_of(self._row)
+        return scene.error_of(self._row).times(1 - self.disbelief)
 
     def _learn(self, now: Scene, measured: Array) -> None:
         last, before = self._last, self._measured_last

@@ -16,6 +16,7 @@ from rl_cbf_clf_controller.identification import (
     RATE_NOISE,
     SHARE,
     THETA,
+    disbelief,
     is_physical,
     lateness,
 )
@@ -34,7 +35,7 @@ class IdentifiedRobots:
     def __init__(self, one: IdentifiedRobot, model_error: NumpyFunction, robots: int) -> None:
         identification, calibration = one._identification, one._calibration
         one.reset()
-        self._nominal = one._row
+        self._nominal, self._gives_way = one._row, one._gives_way
         self._identify, self._calibrate = BatchFunction(identification._learned), BatchFunction(calibration._learned)
         self._predict, self._model_error = BatchFunction(one._predicted), BatchFunction(model_error)
         self._first = {
@@ -45,15 +46,20 @@ class IdentifiedRobots:
             **{"offsets": calibration.value, "offset_covariance": calibration._fit.covariance.ravel()},
             **{"squares": np.zeros(1), "differences": np.zeros(1), "rates": np.full(2, np.nan)},  # the last two
             **{"standing": np.zeros(1), "last_tick": np.full(1, -2), "last_torque": np.full(4, np.nan)},
-            "last_x": np.full(14, np.nan),
+            **{"last_x": np.full(14, np.nan), "doubt": identification.doubt},
         }
         self._known = {name: np.tile(first, (robots, 1)) for name, first in self._first.items()}
         self._x: Array | None = None
 
     @property
     def known(self) -> Array:
-        """(N, 17), as in `identified_robot.KNOWN`."""
-        return np.concatenate([self._known["value"], self._known["offsets"]], axis=1)
+        """(N, 18), as in `identified_robot.KNOWN`."""
+        return np.concatenate([self._known[name] for name in ("value", "offsets", "doubt")], axis=1)
+
+    @property
+    def disbelief(self) -> Array:
+        """(N, 1), see `IdentifiedRobot.disbelief`."""
+        return disbelief(self._known["doubt"]) if self._gives_way else np.zeros_like(self._known["doubt"])
 
     @property
     def lateness(self) -> Array:
@@ -77,6 +83,7 @@ class IdentifiedRobots:
         """The states (N, 14) in which torques (N, 4) that are computed from `x` take effect."""
         self._x = x
         found = self._predict(x, self._rows, torque, self._known["value"][:, [LATE_TORQUE]]).x
+        found = (1 - self.disbelief) * found + self.disbelief * x
         return np.where(np.isfinite(torque.sum(axis=1, keepdims=True)), found, x)
 
     def estimate(self, tick: Array, x: Array, p: Array, force: Array, torque: Array) -> Estimates:
@@ -87,7 +94,7 @@ class IdentifiedRobots:
         other, rows = p.copy(), self._rows
         other[:, : rows.shape[1]] = rows
         found = self._model_error(x, p, other)
-        return Estimates(found.alpha, found.beta, found.output_error)
+        return Estimates(found.alpha, found.beta, found.output_error).times(1 - self.disbelief[:, 0])
 
     @property
     def _rows(self) -> Array:
@@ -121,10 +128,11 @@ class IdentifiedRobots:
         of_fit = known["value"][:, THETA], known["fit"], known["covariance"], known["walk"]
         of_tick = known["last_x"], measured, known["last_torque"], torque, force
         filtered = known["regressor"], known["measured"], known["share"]
-        found = self._identify(*lengths, *of_fit, *of_tick, *filtered, variance)
+        found = self._identify(*lengths, *of_fit, *of_tick, *filtered, variance, known["doubt"])
         for name, new in (("regressor", found.regressor), ("measured", found.measured), ("share", np.full(1, SHARE))):
             known[name] = np.where(learns, new.reshape(len(new), -1) if new.ndim > 1 else new, known[name])
         self._take(found, learns, "fit", "covariance")
+        known["doubt"] = np.where(learns, found.doubt.reshape(-1, 1), known["doubt"])
         physical = np.array([[is_physical(theta)] for theta in known["fit"][:, THETA]])
         is_one = learns & physical & (known["fit"][:, [MOTOR_GAIN]] > 0)
         known["value"] = np.where(is_one, known["fit"], known["value"])

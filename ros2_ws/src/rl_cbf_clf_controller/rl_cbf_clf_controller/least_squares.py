@@ -10,8 +10,12 @@ Each tick, in this order, P (n, n) being the covariance of x's error:
     K = P H' (H P H' + R)^-1
     x <- x + K (z - H x),   P <- P - K H P
 
-What no measurement tells of keeps its value. Sources: Kalman (1960), with what is sought as the state; Ljung, System
-Identification (1999), section 11.
+What no measurement tells of keeps its value. The innovation z - H x is what x does not explain. Its normalised square
+
+    (z - H x)' (H P H' + R)^-1 (z - H x) / m
+
+is 1 in the mean where the measurements are as the problem says. Sources: Kalman (1960), with what is sought as the
+state; Ljung, System Identification (1999), section 11; Bar-Shalom, Li, Kirubarajan (2001), section 5.4, on the square.
 """
 
 import math
@@ -35,11 +39,13 @@ class LeastSquares:
 
 def updated(
     value: ca.SX, covariance: ca.SX, walk: ca.SX, regressor: ca.SX, measured: ca.SX, noise: ca.SX
-) -> tuple[ca.SX, ca.SX]:
-    """x and P a tick later, as expressions."""
+) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """x and P a tick later, and the innovation's normalised square, as expressions."""
     covariance = covariance + walk
     along = covariance @ regressor.T
-    gain = solved(regressor @ along + noise, along.T).T
-    value = value + gain @ (measured - regressor @ value)
+    spread, innovation = regressor @ along + noise, measured - regressor @ value
+    gain = solved(spread, along.T).T
+    value = value + gain @ innovation
     covariance = covariance - gain @ along.T
-    return value, (covariance + covariance.T) / 2
+    square = ca.dot(innovation, solved(spread, innovation)) / innovation.numel()
+    return value, (covariance + covariance.T) / 2, square

@@ -12,6 +12,7 @@ from rl_cbf_clf_controller.problem import Problem
 
 CONFIG = Path(__file__).parent / "config"
 ON_FLAT_GROUND = "on_flat_ground"
+EPS_LEAST = 1e-4
 FORMER = {  # parameters that were, with the values that now always hold: files and recordings may still have them
     **{"mu_weight": 0.01, "clf_rescue_weight": 1e6, "barrier_rescue_weight": 1e3, "force_rescue_weight": 1e5},
     **{"robust_bounds": "mass_scale", "robust_offset": 75.0, "robust_slope": 0.5},
@@ -33,7 +34,14 @@ class ControllerParameters(BaseModel):
     stone_aim: float = Field(
         0.5, ge=0, le=1, description="where a gait library aims: share of the stone's width beyond its near edge"
     )
-    eps: float = Field(0.04, ge=1e-4, le=1, description="epsilon of the RES-CLF")
+    eps: float = Field(0.04, ge=EPS_LEAST, le=1, description="epsilon of the RES-CLF")
+    doubt_eps: float = Field(
+        0.0,
+        ge=0,
+        le=1,
+        description="eps as far as the identified robot does not explain what is measured, when the nominal model counts"
+        " instead; 0: the identified robot always counts",
+    )
     kp: float = Field(0.5, ge=1e-4, le=100, description="gain on y at eps = 1")
     kd: float = Field(0.8660254037844386, ge=1e-4, le=100, description="gain on dy at eps = 1")
     clf_row: Literal["normalised", "literal"] = Field(
@@ -123,6 +131,10 @@ class ControllerParameters(BaseModel):
             raise ValueError(f"adaptation = {adaptation}: expected none, {self.controller} estimates no rows")
         if self.prediction and adaptation != "identification":
             raise ValueError(f"prediction = True: expected adaptation = identification, not {adaptation}")
+        if self.doubt_eps and adaptation != "identification":
+            raise ValueError(f"doubt_eps = {self.doubt_eps}: expected adaptation = identification, not {adaptation}")
+        if 0 < self.doubt_eps < EPS_LEAST:
+            raise ValueError(f"doubt_eps = {self.doubt_eps}: expected 0 or at least {EPS_LEAST}")
         return self
 
     @property
