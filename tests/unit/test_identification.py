@@ -158,7 +158,8 @@ def test_an_innovation_has_a_mean_square_of_one():
     x, P, z = ca.SX.sym("x", 2), ca.SX.sym("P", 2, 2), ca.SX.sym("z", 3)
     H, R, rng = ca.SX.sym("H", 3, 2), np.diag([0.1, 1.0, 4.0]), np.random.default_rng(8)
     after = updated(x, P, ca.SX.zeros(2, 2), H, z, ca.DM(R))
-    step = NumpyFunction.of("step", {"x": x, "P": P, "H": H, "z": z}, dict(zip(("x", "P", "square"), after, strict=True)))
+    names = "x", "P", "square"
+    step = NumpyFunction.of("step", {"x": x, "P": P, "H": H, "z": z}, dict(zip(names, after, strict=True)))
     squares = []
     for _ in range(400):
         truth, found, covariance = rng.normal(size=2), np.zeros(2), np.eye(2)

@@ -104,7 +104,8 @@ class Controller:
         self._nothing, self._slacks = self.qp.no_error(), np.array([~rescues, rescues], dtype=float)
         self._parameters = parameters
         self.parameters = parameters
-        self._robot = IdentifiedRobot(robot, parameters.doubt_eps > 0) if parameters.adaptation == "identification" else None
+        identifies = parameters.adaptation == "identification"
+        self._robot = IdentifiedRobot(robot, parameters.doubt_eps > 0) if identifies else None
         self._estimators = (*([self._robot] if self._robot else []), *self._kind.estimators(parameters))
         self.policy = policy
         self._terrain = Terrain(self._kind.terrain)

@@ -39,8 +39,8 @@ class ControllerParameters(BaseModel):
         0.0,
         ge=0,
         le=1,
-        description="eps as far as the identified robot does not explain what is measured, when the nominal model counts"
-        " instead; 0: the identified robot always counts",
+        description="eps as far as the identified robot does not explain what is measured: there the nominal model"
+        " counts instead; 0: the identified robot always counts",
     )
     kp: float = Field(0.5, ge=1e-4, le=100, description="gain on y at eps = 1")
     kd: float = Field(0.8660254037844386, ge=1e-4, le=100, description="gain on dy at eps = 1")
