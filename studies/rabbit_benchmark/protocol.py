@@ -18,7 +18,7 @@ from rabbit_benchmark.cells import Cell
 from rabbit_benchmark.methods import Method
 
 Seeds = Literal["development", "reported"]
-SEEDS: dict[Seeds, int] = {"development": 61001, "reported": 61002}  # nobody tunes on the second
+SEEDS: dict[Seeds, int] = {"development": 61001, "reported": 61003}  # nobody tunes on the second
 STONES = 20  # of a course
 
 

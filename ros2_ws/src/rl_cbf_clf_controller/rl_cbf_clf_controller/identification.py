@@ -68,7 +68,8 @@ NOTHING_FILTERED = np.zeros((7, SIZE)), np.zeros(7)
 class Identification:
     """`value` (15,), as in `IDENTIFIED`, of a robot with the lengths of `robot`; starts from its links.
 
-    `doubt` (1,) is how much that robot leaves unexplained. What the least squares say is taken over as long as it is a robot that can be. One object serves one thread.
+    `doubt` (1,) is how much that robot leaves unexplained. What the least squares say is taken over as long as it is a
+    robot that can be. One object serves one thread.
     """
 
     def __init__(self, robot: RobotNumbers) -> None:
