@@ -18,6 +18,7 @@ slacks back in their own units.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -51,6 +52,15 @@ class Layout:
     inputs: int
     rescues: Array
     of_slacks: Array
+
+    @cached_property
+    def _kinds(self) -> Array:
+        return np.array([~self.rescues, self.rescues], dtype=float)
+
+    def slack_sums(self, slack: Array) -> list[float]:
+        """Of the slacks (k,) of an answer: of rows that are soft, and of those with a slack of last resort."""
+        sums: list[float] = (self._kinds @ slack).tolist()
+        return sums
 
     @property
     def of_A(self) -> ca.Sparsity:

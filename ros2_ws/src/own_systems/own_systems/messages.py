@@ -65,7 +65,7 @@ def controller_fields(task: ControlTask, moment: Moment, version: str) -> dict[s
     has_clf, rows = "V" in task.tick.names, decided.values
     eta = seen.eta if has_clf else NOTHING
     values = np.concatenate([seen.V, values]) if has_clf else values
-    rescues = decided.layout.rescues
+    clf_slack, rescue_slack = decided.layout.slack_sums(rows.slack)
     return fields | {
         "objective": "paper" if task.objective is None else "own",
         "phase": np.nan,
@@ -79,8 +79,8 @@ def controller_fields(task: ControlTask, moment: Moment, version: str) -> dict[s
         "margins": doubles(rows.row_margin),
         "slacks": doubles(rows.slack),
         "multipliers": doubles(rows.multiplier),
-        "clf_slack": float(rows.slack[~rescues].sum()),
-        "rescue_slack": float(rows.slack[rescues].sum()),
+        "clf_slack": clf_slack,
+        "rescue_slack": rescue_slack,
         "saturated": task.limit is not None and bool(np.abs(moment.u).max() >= task.limit),
         "solver": decided.solver,
         "status": decided.status[:64],

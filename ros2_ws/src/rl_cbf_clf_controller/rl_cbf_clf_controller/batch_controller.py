@@ -91,7 +91,7 @@ class BatchOutput:
         """Of robot `i`."""
         decided, layout = self.decided, self.decided.layout
         slack, margin = decided.values.slack[i], decided.values.margin[i].tolist()
-        gives = slack.any()
+        clf_slack, rescue_slack = layout.slack_sums(slack)
         return ControllerOutput(
             torque=self.torque[i],
             mu=self.mu[i],
@@ -99,8 +99,8 @@ class BatchOutput:
             omega=self.omega[i],
             alpha=self.estimates.alpha[i],
             beta=self.estimates.beta[i],
-            clf_slack=float(slack @ ~layout.rescues) if gives else 0.0,
-            rescue_slack=float(slack @ layout.rescues) if gives else 0.0,
+            clf_slack=clf_slack,
+            rescue_slack=rescue_slack,
             active=tuple([name for name, each in zip(layout.names, margin, strict=True) if each < ACTIVE]),
             rows=layout.names,
             margins=decided.values.row_margin[i],

@@ -100,8 +100,7 @@ class Controller:
         self._places = {name: place for name, (place, _) in places_of(walking.system.named).items()}
         self._stone = slice(self._places["l_min"].start, self._places["height"].stop)
         self._p[: robot.row.size] = robot.row
-        rescues = self.qp.layout.rescues
-        self._nothing, self._slacks = self.qp.no_error(), np.array([~rescues, rescues], dtype=float)
+        self._nothing = self.qp.no_error()
         self._parameters = parameters
         self.parameters = parameters
         identifies = parameters.adaptation == "identification"
@@ -273,7 +272,7 @@ class Controller:
     def output(self) -> ControllerOutput:
         """All of the last tick that others read."""
         p, decided, values = self.parameters, self.decided, self.decided.values
-        clf_slack, rescue_slack = (self._slacks @ values.slack).tolist()
+        clf_slack, rescue_slack = decided.layout.slack_sums(values.slack)
         return ControllerOutput(
             **seen_fields(self.scene),
             **vars(self._acted),
