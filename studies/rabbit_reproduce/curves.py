@@ -7,12 +7,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from rabbit_description.force_ratio import force_ratio
-from rabbit_description.state import TICK_SECONDS, Array
+from rabbit_description.state import JOINTS, TICK_SECONDS, Array
 from rabbit_experiments.metrics import IMPACT_TICKS
 from rabbit_experiments.summary import Walks, wilson
 from rabbit_experiments.walk_records import WalkRecords
 from rabbit_viewer import style
-from rl_cbf_clf_controller.uncertainty import INPUTS
 
 from rabbit_reproduce.controllers import Contender
 
@@ -36,7 +35,7 @@ def tracking_figure(walks: Mapping[Contender, WalkRecords]) -> Figure:
     for contender, walk in walks.items():
         look: dict[str, Any] = {"color": contender.colour, "linestyle": contender.line, "linewidth": 1}
         late, impact = late_and_impact_ratio(walk)
-        y, dy = (np.linalg.norm(part, axis=1) for part in (walk.eta[:, :INPUTS], walk.eta[:, INPUTS:]))
+        y, dy = (np.linalg.norm(part, axis=1) for part in (walk.eta[:, :JOINTS], walk.eta[:, JOINTS:]))
         for axes, values in zip(panels, (y, dy, late), strict=True):
             axes.plot(walk.time, values, label=contender.title if axes is panels[0] else None, **look)
         panels[2].plot(walk.time, impact, ".", color=contender.colour, markersize=2, alpha=0.5)

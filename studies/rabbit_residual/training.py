@@ -6,12 +6,12 @@ from pathlib import Path
 from rabbit_benchmark.cells import Terrain
 from rabbit_description.gait import load_gaits
 from rabbit_description.robot_states import RobotStates
-from rabbit_description.state import Array
+from rabbit_description.state import JOINTS, Array
 from rabbit_experiments.provenance import commit
 from rabbit_sim.simulation import Simulation
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.parameters import load_parameters
-from rl_cbf_clf_controller.residual_policy import INPUTS, READS, ResidualPolicy
+from rl_cbf_clf_controller.residual_policy import READS, ResidualPolicy
 from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP
 from rl_cbf_clf_controller.weights import PROBE, RESIDUAL_READS, Actor, PolicyFile, PolicyMetadata, probe_inputs
 
@@ -67,7 +67,7 @@ class ResidualFleet(Fleet):
 
 def train(options: Options, out: Path, tell: Callable[[str], None] = print) -> Path:
     """Train, or go on; returns the policy's file. Raises `SessionError`."""
-    learner = Ppo(READS, KNOWN, INPUTS, options.ppo, options.seed)
+    learner = Ppo(READS, KNOWN, JOINTS, options.ppo, options.seed)
 
     def write(path: Path, done: session.Done) -> None:
         arrays = learner.arrays()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from rabbit_description.gait import load_gaits
-from rabbit_description.state import Array
+from rabbit_description.state import JOINTS, Array
 from rabbit_experiments.assembly import make_simulation
 from rabbit_sim.batch_simulation import BatchSimulation
 from rabbit_sim.parameters import SimulationParameters
@@ -12,7 +12,7 @@ from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.fitted_policy import fitted
 from rl_cbf_clf_controller.parameters import ControllerParameters, load_parameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
-from rl_cbf_clf_controller.residual_policy import INPUTS, READS, SCALE, ResidualActor, ResidualPolicy
+from rl_cbf_clf_controller.residual_policy import READS, SCALE, ResidualActor, ResidualPolicy
 from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP
 from rl_cbf_clf_controller.weights import (
     PROBE,
@@ -38,7 +38,7 @@ def plant(terrain: str = "stones", **values) -> SimulationParameters:
 
 
 def residual_file(scale: float = 0.3) -> PolicyFile:
-    rng, sizes = np.random.default_rng(5), (READS, HIDDEN, HIDDEN, INPUTS)
+    rng, sizes = np.random.default_rng(5), (READS, HIDDEN, HIDDEN, JOINTS)
     arrays = {}
     for layer in range(3):
         shape = sizes[layer + 1], sizes[layer]

@@ -15,12 +15,12 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from rabbit_description import GAITS, LIBRARIES
 from rabbit_description.atomic_file import replace_text
 from rabbit_description.bounded_file import FileError, one_line, read_text
-from rabbit_description.state import Array
+from rabbit_description.state import DOF, JOINTS, Array
 from rabbit_description.yaml_file import MOST_BYTES, dump_yaml, parse_yaml
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Row = Annotated[list[Finite], Field(min_length=6, max_length=6)]
-State = Annotated[list[Finite], Field(min_length=7, max_length=7)]
+State = Annotated[list[Finite], Field(min_length=DOF, max_length=DOF)]
 
 
 class GaitError(ValueError):
@@ -52,7 +52,7 @@ class Gait(GaitFile):
     slope: float = Field(0.0, gt=-45, lt=45, description="rise of the ground that it is periodic on, degrees")
     phase_angle_start: Finite = Field(description="phase angle after impact, rad")
     phase_angle_end: Finite = Field(description="phase angle at impact, rad")
-    bezier_coeffs: Annotated[list[Row], Field(min_length=4, max_length=4)]
+    bezier_coeffs: Annotated[list[Row], Field(min_length=JOINTS, max_length=JOINTS)]
     q_start: State
     dq_start: State
     metadata: dict[str, Any] = Field(default_factory=dict, description="command, version, cost, margins, peaks")

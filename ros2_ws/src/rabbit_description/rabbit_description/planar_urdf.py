@@ -3,7 +3,9 @@
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
-BASE = ("base_x", "base_z", "base_pitch")  # the first three coordinates of a planar robot
+BASE_JOINTS = ("base_x", "base_z", "base_pitch")  # the first of a planar robot: two slides and the pitch
+BASE = len(BASE_JOINTS)
+SLIDES = 2  # those of the base that a standing foot takes up
 INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 
@@ -12,13 +14,15 @@ class UrdfError(ValueError):
 
 
 def with_planar_base(urdf: str) -> str:
-    """The robot with its root link on the joints `BASE`: x forward, z up, pitch about +y. As it is, if it has them.
+    """The robot with its root link on the joints `BASE_JOINTS`: x forward, z up, pitch about +y.
+
+    As it is, if it has them.
 
     Raises:
         UrdfError: not XML, or not one root link.
     """
     robot = _parsed(urdf)
-    if {joint.attrib["name"] for joint in robot.iterfind("joint")} >= set(BASE):
+    if {joint.attrib["name"] for joint in robot.iterfind("joint")} >= set(BASE_JOINTS):
         return urdf
     children = {child.attrib["link"] for child in robot.iterfind("joint/child")}
     roots = [link.attrib["name"] for link in robot.iterfind("link") if link.attrib["name"] not in children]
@@ -28,7 +32,7 @@ def with_planar_base(urdf: str) -> str:
     for name in links:
         ElementTree.SubElement(robot, "link", name=name)
     kinds = (("prismatic", "1 0 0"), ("prismatic", "0 0 1"), ("revolute", "0 1 0"))
-    for name, parent, child, (kind, axis) in zip(BASE, links, (*links[1:], *roots), kinds, strict=True):
+    for name, parent, child, (kind, axis) in zip(BASE_JOINTS, links, (*links[1:], *roots), kinds, strict=True):
         joint = ElementTree.SubElement(robot, "joint", name=name, type=kind)
         ElementTree.SubElement(joint, "parent", link=parent)
         ElementTree.SubElement(joint, "child", link=child)

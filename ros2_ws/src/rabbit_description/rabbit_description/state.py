@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rabbit_description.planar_urdf import BASE, BASE_JOINTS
+
 Array = NDArray[Any]  # float64 unless said otherwise
 
 TICK_SECONDS = 0.01  # s, the paper's T_s
@@ -16,12 +18,15 @@ TICK_NANOSECONDS = round(TICK_SECONDS * 1e9)
 TORQUE_LIMIT = 200.0  # N m at each joint
 ROBOT_MASS = 32.0  # kg, nominal
 
-COORDINATES = ("base_x", "base_z", "base_pitch", "left_hip", "left_knee", "right_hip", "right_knee")
-ACTUATED = COORDINATES[3:]
+ACTUATED = ("left_hip", "left_knee", "right_hip", "right_knee")
+COORDINATES = (*BASE_JOINTS, *ACTUATED)
 FEET = ("left", "right")
 LAYOUT = {"coordinates": COORDINATES, "joints": ACTUATED, "feet": FEET}  # the fields of `Episode` that name them
-SWAP_STATE = np.array([0, 1, 2, 5, 6, 3, 4])  # left, right <-> stance, swing when the right leg stands
-SWAP_TORQUE = np.array([2, 3, 0, 1])
+DOF = len(COORDINATES)  # degrees of freedom: so many numbers have q and dq
+JOINTS = len(ACTUATED)  # each with a motor, an encoder, a component of mu and an output
+LEG_JOINTS = JOINTS // len(FEET)
+SWAP_TORQUE = np.array([2, 3, 0, 1])  # left, right <-> stance, swing when the right leg stands
+SWAP_STATE = np.concatenate([np.arange(BASE), BASE + SWAP_TORQUE])
 
 
 class Leg(IntEnum):
@@ -33,6 +38,12 @@ class Leg(IntEnum):
     @property
     def other(self) -> "Leg":
         return Leg.LEFT if self is Leg.RIGHT else Leg.RIGHT
+
+    @property
+    def joints(self) -> slice:
+        """Its hip and knee among the coordinates; in stance/swing order the left one's are the stance leg's."""
+        hip = BASE + self * LEG_JOINTS
+        return slice(hip, hip + LEG_JOINTS)
 
     @classmethod
     def standing(cls, touchdowns: int) -> "Leg":
@@ -65,7 +76,7 @@ def newest_preview(previews: Mapping[int, StonePreview], now: int, since: int = 
 
 def no_torque() -> Array:
     """NaN (4,): none was applied yet, or it is not known."""
-    return np.full(4, np.nan)
+    return np.full(JOINTS, np.nan)
 
 
 def orientation_of(attitude: float) -> Array:
@@ -150,4 +161,4 @@ class RobotState:
     @property
     def joint_rates(self) -> Array:
         """Of the four joints as measured, (4,), rad/s."""
-        return self.dq[3:] if self.sensors is None else self.sensors.joint_rates
+        return self.dq[BASE:] if self.sensors is None else self.sensors.joint_rates

@@ -23,10 +23,12 @@ It sinks under the load F, which lags behind the measured force as rubber with d
 touches down, it becomes the stance foot: c is where the legs say that it is.
 """
 
+from collections.abc import Iterator
 from dataclasses import replace
+from itertools import accumulate, pairwise
 
 import numpy as np
-from rabbit_description.state import TICK_SECONDS, Array, BodySensors, Leg, RobotState
+from rabbit_description.state import JOINTS, TICK_SECONDS, Array, BodySensors, Leg, RobotState
 
 from rabbit_estimator.encoder_gate import EncoderGate, Innovation
 from rabbit_estimator.leg_kinematics import foothold, foothold_jacobian, foothold_rate_by_angles
@@ -35,13 +37,24 @@ from rabbit_estimator.parameters import EstimatorParameters
 DT = TICK_SECONDS
 GRAVITY = np.array([0.0, -9.81])
 
-P, V, PITCH, J, DJ, DDJ = slice(0, 2), slice(2, 4), 4, slice(5, 9), slice(9, 13), slice(13, 17)
-C, GYRO, ACCELEROMETER, OFFSET = slice(17, 19), 19, slice(20, 22), slice(22, 26)
-COMPLIANCE, GYRO_NOISE = 26, 27
-SIZE = 28
-ANGLES, RATES, PLACE, SPEED = slice(0, 4), slice(4, 8), slice(8, 10), slice(10, 12)  # what is measured
-MEASURED = 12
-ENCODERS = slice(0, 8)  # without the ground
+
+def spans(first: int, *sizes: int) -> Iterator[slice]:
+    """Slices of these sizes, one after the other."""
+    return (slice(*ends) for ends in pairwise(accumulate(sizes, initial=first)))
+
+
+P, V = spans(0, 2, 2)
+PITCH = V.stop
+J, DJ, DDJ, C = spans(PITCH + 1, JOINTS, JOINTS, JOINTS, 2)
+GYRO = C.stop
+ACCELEROMETER, OFFSET = spans(GYRO + 1, 2, JOINTS)
+COMPLIANCE = OFFSET.stop
+GYRO_NOISE = COMPLIANCE + 1
+SIZE = GYRO_NOISE + 1
+ANGLES, RATES, PLACE, SPEED = spans(0, JOINTS, JOINTS, 2, 2)  # what is measured
+MEASURED = SPEED.stop
+ENCODERS = slice(RATES.stop)  # without the ground
+EACH = np.eye(JOINTS)
 LOST_OFFSET, LOST_RATE = 1.0, 10.0  # rad, rad/s: more error of a joint that the gate has refused for long
 
 
@@ -109,10 +122,12 @@ class ContactAidedFilter:
 
     def angles_and_rates_covariance(self) -> Array:
         """Of the errors of (pitch, joints, v, pitch rate, joint rates) when the sensors were read, shape (12, 12)."""
-        select = np.zeros((12, SIZE))
+        joints, v = spans(1, JOINTS, 2)
+        rate = v.stop
+        select = np.zeros((rate + 1 + JOINTS, SIZE))
         select[0, PITCH] = 1
-        select[1:5, J], select[5:7, V], select[8:, DJ] = np.eye(4), np.eye(2), np.eye(4)
-        select[7, [GYRO, GYRO_NOISE]] = -1
+        select[joints, J], select[v, V], select[rate + 1 :, DJ] = EACH, np.eye(2), EACH
+        select[rate, [GYRO, GYRO_NOISE]] = -1
         return select @ self.covariance @ select.T
 
     def _begin(self, sensors: BodySensors) -> None:
@@ -137,7 +152,7 @@ class ContactAidedFilter:
         to[V, GYRO] = to[V, GYRO_NOISE] = jacobian[:, 0]
         by_angles = foothold_rate_by_angles(x[PITCH], x[J], Leg.LEFT, self._rate, x[DJ])
         to[V, PITCH], to[V, J], to[V, DJ] = -by_angles[:, 0], -by_angles[:, 1:], -jacobian[:, 1:]
-        to[J, OFFSET] = -np.eye(4)
+        to[J, OFFSET] = -EACH
         to[P, OFFSET], to[V, OFFSET] = jacobian[:, 1:], by_angles[:, 1:]
         independent = np.diag(std**2)
         hips = [OFFSET.start, OFFSET.start + 2]
@@ -203,10 +218,10 @@ class ContactAidedFilter:
         p = self.parameters
         rows = slice(None) if self._standing else ENCODERS  # nothing is known of a foot in the air
         noise = self._noise.copy()
-        noise[RATES, RATES] += (p.shock_measured * DT) ** 2 * shock * np.eye(4)
+        noise[RATES, RATES] += (p.shock_measured * DT) ** 2 * shock * EACH
         noise[SPEED, SPEED] += (self._unsettled**2 + (p.shock_foot * DT) ** 2 * shock) * np.eye(2)
         self.covariance[C, C] += (self._unsettled * DT) ** 2 * np.eye(2)
-        measured = np.concatenate([sensors.joint_angles, sensors.joint_rates, np.zeros(4)])
+        measured = np.concatenate([sensors.joint_angles, sensors.joint_rates, np.zeros(MEASURED - RATES.stop)])
         value = (measured - self._expect(sensors))[rows]
         h = self._h[rows]
         across = h @ self.covariance
@@ -253,8 +268,8 @@ def constant_transition() -> Array:
     """Derivative of x over the last tick's, (28, 28), without what depends on x."""
     f = np.eye(SIZE)
     f[P, V], f[PITCH, GYRO] = DT * np.eye(2), -DT
-    f[J, DJ] = f[DJ, DDJ] = DT * np.eye(4)
-    f[J, DDJ] = DT**2 / 2 * np.eye(4)
+    f[J, DJ] = f[DJ, DDJ] = DT * EACH
+    f[J, DDJ] = DT**2 / 2 * EACH
     f[GYRO_NOISE, GYRO_NOISE] = 0  # each tick has its own
     return f
 
@@ -262,17 +277,18 @@ def constant_transition() -> Array:
 def constant_derivatives(p: EstimatorParameters) -> Array:
     """Of what is measured over x, (12, 28), without what depends on x."""
     h = np.zeros((MEASURED, SIZE))
-    h[ANGLES, J] = h[ANGLES, OFFSET] = h[RATES, DJ] = np.eye(4)
-    h[RATES, DDJ] = -p.rate_window / 2 * np.eye(4)
+    h[ANGLES, J] = h[ANGLES, OFFSET] = h[RATES, DJ] = EACH
+    h[RATES, DDJ] = -p.rate_window / 2 * EACH
     h[PLACE, P], h[PLACE, C], h[SPEED, V] = np.eye(2), -np.eye(2), np.eye(2)
     return h
 
 
 def measurement_noise(p: EstimatorParameters) -> Array:
     """Covariance of what is measured, (12, 12), in a tick without a shock."""
-    noise = np.diag([p.angle_noise**2] * 4 + [p.rate_noise**2] * 4 + [p.foot_slide**2] * 2 + [p.foot_speed**2] * 2)
+    encoders = [p.angle_noise**2] * JOINTS + [p.rate_noise**2] * JOINTS
+    noise = np.diag(encoders + [p.foot_slide**2] * 2 + [p.foot_speed**2] * 2)
     # a rate is taken between two rounded angles; the later one is the angle that is measured
-    noise[ANGLES, RATES] = noise[RATES, ANGLES] = p.angle_noise**2 / p.rate_window * np.eye(4)
+    noise[ANGLES, RATES] = noise[RATES, ANGLES] = p.angle_noise**2 / p.rate_window * EACH
     return noise
 
 
@@ -286,7 +302,7 @@ def process_noise(p: EstimatorParameters) -> Array:
     total = order[:, None] + order + 1
     factorials = np.array([2.0, 1.0, 1.0])
     wandering = p.jerk**2 * DT**total / (total * np.outer(factorials, factorials))
-    for joint in range(4):
+    for joint in range(JOINTS):
         at = np.array([J.start, DJ.start, DDJ.start]) + joint
         noise[np.ix_(at, at)] = wandering
     noise[C, C] = p.foot_roll**2 * np.eye(2)
@@ -297,7 +313,7 @@ def shock_noise(p: EstimatorParameters, stance: Leg) -> Array:
     """What a shock of 1 m/s^2 adds, (28, 28): at an unknown moment of the tick it changes rates and accelerations."""
     noise = np.zeros((SIZE, SIZE))
     noise[P, P], noise[V, V] = DT**4 / 12 * np.eye(2), (p.shock_speed * DT) ** 2 * np.eye(2)
-    for joint in range(4):
+    for joint in range(JOINTS):
         more = 1.0 if joint // 2 == stance else p.swing_shock
         at = np.array([J.start, DJ.start]) + joint
         jump = np.array([[DT**2 / 3, DT / 2], [DT / 2, 1]])
@@ -308,7 +324,8 @@ def shock_noise(p: EstimatorParameters, stance: Leg) -> Array:
 
 def check(sensors: BodySensors, tick: int) -> None:
     """Refuse what is not finite; tick 0 has no specific force."""
-    for name in ("joint_angles", "joint_rates", "attitude", "pitch_rate", "specific_force")[: 4 if tick == 0 else 5]:
+    names = ("joint_angles", "joint_rates", "attitude", "pitch_rate", "specific_force")
+    for name in names[:-1] if tick == 0 else names:
         value = getattr(sensors, name)
         if not np.isfinite(value).all():
             raise EstimatorError(f"sensors.{name} = {value}: expected finite numbers")

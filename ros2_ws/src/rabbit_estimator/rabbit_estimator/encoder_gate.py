@@ -15,12 +15,11 @@ is used again.
 from dataclasses import dataclass
 
 import numpy as np
-from rabbit_description.state import Array
+from rabbit_description.state import JOINTS, Array
 
 GATE = 20.0
 JUMP = 0.2  # rad
 PATIENCE = 5  # ticks
-JOINTS = 4
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from rabbit_description.gait import Gaits, load_gaits
+from rabbit_description.state import ACTUATED
 from rabbit_estimator.contact_aided_filter import ContactAidedFilter
 from rabbit_estimator.parameters import EstimatorParameters
 from rabbit_sim.parameters import SimulationParameters
@@ -64,12 +65,12 @@ class Assembly:
 
     def _oracle(self) -> OraclePolicy:
         p = self.simulation
-        gains = p.left_hip_gain, p.left_knee_gain, p.right_hip_gain, p.right_knee_gain
+        gains = tuple(getattr(p, f"{joint}_gain") for joint in ACTUATED)
         plant = TruePlant(
             perturbed_urdf(p),
             1 - p.motor_loss,
             p.joint_damping,
-            () if gains == (1, 1, 1, 1) else gains,
+            () if set(gains) == {1} else gains,
             p.coulomb,
             p.slope,
         )

@@ -15,7 +15,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, PlainSerializer
 from rabbit_description.force_ratio import force_ratio
-from rabbit_description.state import Array
+from rabbit_description.state import JOINTS, Array
 from rabbit_sim.simulation import Landing, Outcome
 from rl_cbf_clf_controller.message_fields import STONE_BARRIERS
 from rl_cbf_clf_controller.parameters import ControllerParameters
@@ -24,6 +24,7 @@ from rl_trainer.rollout import Record
 from rabbit_experiments.walk_records import RESCUE_NEEDED
 
 IMPACT_TICKS = 4  # of a step's beginning, whose mean force may hold some of the 30 ms after impact
+NUMBERS = 9  # of a tick, before its torque, eta and what its barriers promise
 ROWS = ("CLF", "B1", "B2", "C1", "C2", "u")  # of the QP, both cone rows as C2 and all saturation rows as u
 
 
@@ -166,12 +167,12 @@ class RunTally:
         walk_seconds: float = 0.0,
     ) -> RunResult:
         """The run in figures, once it is over; seconds that each controller and plant tick took, and the whole walk."""
-        rows = np.reshape(self._rows, (-1, 23))
-        tick, step, tangential, normal, V, slack, rescue, answered, saturated = rows[:, :9].T
-        torque, eta, promised = np.split(rows[:, 9:], [4, 12], axis=1)
+        rows = np.reshape(self._rows, (-1, NUMBERS + 3 * JOINTS + len(STONE_BARRIERS)))
+        tick, step, tangential, normal, V, slack, rescue, answered, saturated = rows[:, :NUMBERS].T
+        torque, eta, promised = np.split(rows[:, NUMBERS:], [JOINTS, 3 * JOINTS], axis=1)
         starts = np.diff(step, prepend=-1) != 0
         age = tick - tick[starts][np.cumsum(starts) - 1]
-        ratio = np.nan_to_num(force_ratio(rows[:, 2:4]))
+        ratio = np.nan_to_num(force_ratio(np.stack([tangential, normal], axis=1)))
         measured, at_impact = tick > 0, age < IMPACT_TICKS  # at tick 0 there is no force yet
         over, lost, late = measured & (ratio > self._friction_coeff), measured & (normal <= 0), measured & ~at_impact
         outside = starts & (promised < 0).any(axis=1)  # from there an ECBF promises nothing
@@ -197,7 +198,7 @@ class RunTally:
         counts |= {f"active_{name}": active[name] for name in ROWS}
         missed = [landing.missed or not landing.on_stone for landing in landings]
         success = outcome is Outcome.WALKED and not self.fault and not any(missed)
-        squares = np.square(eta).sum(axis=0) / max(self.ticks, 1)
+        y, dy = (np.square(eta).sum(axis=0) / max(self.ticks, 1)).reshape(2, -1)
         milliseconds = np.array(ticks) * 1e3
         row = RunRow(
             run=self.run,
@@ -215,8 +216,8 @@ class RunTally:
             min_normal_force=normal[late].min() if late.any() else np.nan,
             barrier_active_steps=len(steps),
             max_torque=np.abs(torque).max(initial=0.0),
-            rms_y=float(np.sqrt(squares[:4].mean())),
-            rms_dy=float(np.sqrt(squares[4:].mean())),
+            rms_y=float(np.sqrt(y.mean())),
+            rms_dy=float(np.sqrt(dy.mean())),
             max_clf=np.fmax.reduce(V, initial=0.0),
             max_slack=np.fmax.reduce(slack, initial=0.0),
             max_rescue_slack=np.fmax.reduce(rescue, initial=0.0),

@@ -16,7 +16,7 @@ from zipfile import ZipFile
 import numpy as np
 from rabbit_description.atomic_file import replacing
 from rabbit_description.bounded_file import one_line, parse_json, read_bytes
-from rabbit_description.state import TICK_SECONDS, Array, RobotState
+from rabbit_description.state import DOF, JOINTS, TICK_SECONDS, Array, RobotState
 from rabbit_description.yaml_file import shortened
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Landing
@@ -68,14 +68,14 @@ class WalkRecords:
     """
 
     tick: Number
-    q: Annotated[Array, "n", 7]
-    dq: Annotated[Array, "n", 7]
+    q: Annotated[Array, "n", DOF]
+    dq: Annotated[Array, "n", DOF]
     foot_force: Annotated[Array, "n", 2, 2]
     contact: Annotated[Array, "n", 2]
     touchdowns: Number
     preview: Annotated[Array, "n", 2]
     stone_height: Number
-    torque: Annotated[Array, "n", 4]
+    torque: Annotated[Array, "n", JOINTS]
     stance: Number
     step_index: Number
     phase: Number

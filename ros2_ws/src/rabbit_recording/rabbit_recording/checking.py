@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from rabbit_description.state import Array
+from rabbit_description.state import JOINTS, Array
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.fitted_policy import fitted
@@ -39,8 +39,8 @@ def check_episodes(path: Path) -> Iterator[Checked]:
         is_ours = bool(episode.settings or any(record.output.quantities for record in episode.records))
         whole = [record for i, record in enumerate(episode.records) if is_ours and record.state.tick == i]
         with one_line_errors(path, f"episode {episode.number} cannot be replayed"):
-            again = np.array([*replay(replace(episode, records=whole))]).reshape(-1, 4)
-        off = np.abs(np.array([record.output.torque for record in whole]).reshape(-1, 4) - again).max(axis=1)
+            again = np.array([*replay(replace(episode, records=whole))]).reshape(-1, JOINTS)
+        off = np.abs(np.array([record.output.torque for record in whole]).reshape(-1, JOINTS) - again).max(axis=1)
         yield Checked(episode, len(whole), np.flatnonzero(off != 0).tolist(), float(off.max(initial=0.0)))
 
 

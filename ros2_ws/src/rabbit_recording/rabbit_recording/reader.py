@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rabbit_description.state import COORDINATES, RobotState, StonePreview
+from rabbit_description.state import DOF, RobotState, StonePreview
 from rabbit_sim.simulation import Landing
 from rl_cbf_clf_controller.message_fields import output_of
 from rl_trainer.rollout import Record
@@ -129,7 +129,7 @@ def _decoded(gathered: Gathered, inventory: EpisodeInventory, announced: _Announ
     for tick in gathered.full_ticks(ticks):
         state, torque = (ticks[topic][tick].decode() for topic in ("state", "torque"))
         details, terms = (each and each.decode() for each in (ticks[topic].get(tick) for topic in DETAILS))
-        if len(state.q) != len(COORDINATES):
+        if len(state.q) != DOF:
             raise RecordingError(
                 f"{len(state.q)} coordinates: no robot of ours; `rabbit system check` replays a task's"
             )

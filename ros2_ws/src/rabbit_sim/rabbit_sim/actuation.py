@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
-from rabbit_description.state import Array
+from rabbit_description.state import JOINTS, Array
 
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.perturbations import KINDS
@@ -16,7 +16,7 @@ class Actuation:
     def __init__(self, *parameters: SimulationParameters) -> None:
         kinds = [kind for kind in KINDS if kind.has("drive")]
         self._stages = [kind.of_all(parameters) for kind in kinds if any(map(kind.is_in_force, parameters))]
-        self.states = {type(stage): np.zeros((len(parameters), stage.remembered(), 4)) for stage in self._stages}
+        self.states = {type(stage): np.zeros((len(parameters), stage.remembered(), JOINTS)) for stage in self._stages}
 
     def rest(self, robot: int | slice = slice(None)) -> None:
         """Those of one robot, or all, come to rest, no command on its way."""
@@ -34,7 +34,7 @@ class Actuation:
 
     def advance(self, command: Array) -> Array:
         """Torques held over the substeps of one tick, N m: (SUBSTEPS, 4) for a command (4,), (N, SUBSTEPS, 4) for N."""
-        torques = command.reshape(-1, 1, 4).repeat(SUBSTEPS, axis=1)
+        torques = command.reshape(-1, 1, JOINTS).repeat(SUBSTEPS, axis=1)
         for stage in self._stages:
             torques = stage.drive(torques, self.states[type(stage)])
-        return torques.reshape(*command.shape[:-1], SUBSTEPS, 4)
+        return torques.reshape(*command.shape[:-1], SUBSTEPS, JOINTS)

@@ -12,8 +12,9 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 from mujoco.rollout import Rollout
+from rabbit_description.planar_urdf import BASE
 from rabbit_description.robot_states import RobotStates
-from rabbit_description.state import Array, RobotState
+from rabbit_description.state import DOF, LEG_JOINTS, Array, RobotState
 
 from rabbit_sim.actuation import Actuation
 from rabbit_sim.kinematics import LegShape, foot
@@ -23,7 +24,6 @@ from rabbit_sim.plant import CLEAR_HEIGHT, CONTACT_FORCE, SUBSTEPS
 from rabbit_sim.robot_urdf import leg_shape
 from rabbit_sim.simulation import SLIP_DISTANCE, SLIP_FRICTION, STALL_TICKS, Simulation
 
-COORDINATES = 7
 JOINT_TORQUES, PUSHES = mujoco.mjtState.mjSTATE_QFRC_APPLIED, mujoco.mjtState.mjSTATE_XFRC_APPLIED
 PRESSING, IN_THE_PLANE = [2, 5], [0, 2, 3, 5]  # of the forces (x, y, z) of left and right foot on the stones
 ROUNDING = 1e-9  # m, by which numpy may place a foot elsewhere: what is so near goes to `Simulation`
@@ -47,12 +47,13 @@ class BatchSimulation:
         pairs = zip(self.simulations, seeds, strict=True)
         self.states = RobotStates.of([simulation.reset(seed) for simulation, seed in pairs])
         n = len(self.states)
-        self._engine = np.zeros((n, 1 + 2 * COORDINATES))  # time, q, dq
+        self._engine = np.zeros((n, 1 + 2 * DOF))  # time, q, dq
         self._feet_x, self._feet_z = np.zeros((2, n, 2))
         self._is_clear = np.zeros((n, 2), dtype=bool)
         self._is_airborne, self._is_crossing = np.zeros((2, n), dtype=bool)
         self._stance = np.zeros(n, dtype=int)
-        self._stance_x, self._step_began, self._lowest, self._highest = np.zeros((4, n))
+        self._stance_x, self._step_began = np.zeros((2, n))
+        self._lowest, self._highest = np.zeros((2, n))
         self.true_force = np.zeros((n, 2, 2))
         self._actuation = Actuation(*(simulation.parameters for simulation in self.simulations))
         self._arrange()
@@ -88,7 +89,7 @@ class BatchSimulation:
             before = self._engine[n].copy()
             path, sensed = self._walked(before, torques)
             self._engine[n] = self._after[:, -1]
-            states.q[n], states.dq[n] = path[:, -1, :COORDINATES], path[:, -1, COORDINATES:]
+            states.q[n], states.dq[n] = path[:, -1, :DOF], path[:, -1, DOF:]
             states.contact[n] = sensed.min(axis=1)[:, PRESSING] < -CONTACT_FORCE
             forces = sensed.sum(axis=1)[:, IN_THE_PLANE].reshape(-1, 2, 2)
             states.foot_force[n] = self.true_force[n] = forces / -SUBSTEPS
@@ -105,7 +106,7 @@ class BatchSimulation:
 
     def _walked(self, before: Array, torques: Array) -> tuple[Array, Array]:
         """q and dq (n, SUBSTEPS, 14) after each substep, and what the feet's sensors say, (n, SUBSTEPS, 6)."""
-        self._control[:, :, 3:COORDINATES] = self._actuation.advance(torques)[self._together]
+        self._control[:, :, BASE:DOF] = self._actuation.advance(torques)[self._together]
         for row in self._pushed:
             simulation = self._own(self._numbers[row])
             simulation.push_for_tick()
@@ -129,7 +130,7 @@ class BatchSimulation:
         unsure = self._feet_z[n] - self._lowest[n, None] > CLEAR_HEIGHT
         clear = self._is_clear[n] | (self._feet_z[n] - self._highest[n, None] > CLEAR_HEIGHT)
         self._is_clear[n] = clear
-        upper, knee = q[:, 2:3] + q[:, 3:COORDINATES:2], q[:, 4:COORDINATES:2]
+        upper, knee = q[:, 2:3] + q[:, BASE:DOF:LEG_JOINTS], q[:, BASE + 1 : DOF : LEG_JOINTS]
         x, z = foot(q[:, 0:1], q[:, 1:2], upper, knee, self._shapes, np)
         self._feet_x[n], self._feet_z[n] = x[..., -1], z[..., -1]
         is_low = z.min(axis=2) - self._highest[n, None] < ROUNDING
@@ -181,7 +182,7 @@ class BatchSimulation:
         """What follows from which robots there are."""
         plants, parameters = [plant_of(simulation) for simulation in self.simulations], self._parameters
         self._rows = np.arange(len(plants))
-        is_alone = np.array([plant.feeds_back or plant.model.nq != COORDINATES for plant in plants])
+        is_alone = np.array([plant.feeds_back or plant.model.nq != DOF for plant in plants])
         self._alone, numbers = is_alone.nonzero()[0].tolist(), (~is_alone).nonzero()[0]
         self._numbers, self._together = numbers.tolist(), numbers if is_alone.any() else slice(None)
         self._draws_noise = np.array([not simulation.is_exact for simulation in self.simulations])
@@ -201,7 +202,7 @@ class BatchSimulation:
             self._data = [mujoco.MjData(model)]
             shape = len(self._models), SUBSTEPS
             self._control = np.zeros((*shape, mujoco.mj_stateSize(model, self._applied)))
-            self._after = np.empty((*shape, 1 + 2 * COORDINATES))
+            self._after = np.empty((*shape, 1 + 2 * DOF))
             self._sensed = np.empty((*shape, model.nsensordata))
 
 

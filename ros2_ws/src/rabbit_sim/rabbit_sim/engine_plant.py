@@ -8,7 +8,8 @@ from collections.abc import Iterator, Sequence
 from math import radians
 
 import numpy as np
-from rabbit_description.state import Array, Leg
+from rabbit_description.planar_urdf import BASE
+from rabbit_description.state import DOF, Array, Leg
 
 from rabbit_sim.actuation import Actuation
 from rabbit_sim.kinematics import RabbitFeet
@@ -52,7 +53,7 @@ class EnginePlant(ABC):
         self._states: JointStates | None = None
         self._path: list[list[float]] = []
         self._actuation.rest()
-        self._memories = [Memory(joints=q[3:].copy(), rates=dq[3:].copy()) for _ in self._transmissions]
+        self._memories = [Memory(joints=q[BASE:].copy(), rates=dq[BASE:].copy()) for _ in self._transmissions]
         for each, memory in zip(self._transmissions, self._memories, strict=True):
             each.begin(memory)
         self._push, self._push_in_tick = NO_PUSH, NO_PUSH
@@ -86,7 +87,7 @@ class EnginePlant(ABC):
         `states` (1 + SUBSTEPS, 14): q and dq as the tick began and after each substep; `forces` (SUBSTEPS, 2, 2), N.
         """
         first, *path = states.tolist()
-        self._states = first[:7], first[7:]
+        self._states = first[:DOF], first[DOF:]
         self._feet = self._locate_feet()
         self._take_in(self._followed(path, forces.tolist()))
 
@@ -98,7 +99,7 @@ class EnginePlant(ABC):
 
     def _followed(self, path: list[list[float]], forces: list[Forces]) -> Iterator[Forces]:
         for state, force in zip(path, forces, strict=True):
-            self._states = state[:7], state[7:]
+            self._states = state[:DOF], state[DOF:]
             yield force
 
     def _take_in(self, substeps: Iterator[Forces]) -> None:
@@ -138,7 +139,7 @@ class EnginePlant(ABC):
         """What of `torque` (4,) of the motors comes to the joints, with what acts beside them, now, N m."""
         q, dq = map(np.array, self._now())
         for each, memory in zip(self._transmissions, self._memories, strict=True):
-            torque = each.transmitted(memory, torque, q[3:], dq[3:])
+            torque = each.transmitted(memory, torque, q[BASE:], dq[BASE:])
         return sum((beside(q, dq) for beside in self._joint_torques), torque)
 
     def _attached_at(self, q: Array, dq: Array) -> dict[str, tuple[float, float]]:

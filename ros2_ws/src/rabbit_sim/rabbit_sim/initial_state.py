@@ -9,7 +9,8 @@ from math import acos, atan, hypot
 
 import numpy as np
 from rabbit_description.gait import Gaits
-from rabbit_description.state import Array, Leg
+from rabbit_description.planar_urdf import SLIDES
+from rabbit_description.state import DOF, Array, Leg
 
 from rabbit_sim.kinematics import LegShape, RabbitFeet
 from rabbit_sim.parameters import SimulationParameters
@@ -22,8 +23,8 @@ def initial_state(parameters: SimulationParameters, gait: Gaits, rng: np.random.
     """`(q, dq)`, each of shape (7,), left stance."""
     q, dq = gait.x_start
     spread = parameters.x0_spread
-    q[2:] += spread * parameters.x0_position_std * rng.standard_normal(5)
-    dq[2:] *= 1 + spread * parameters.x0_velocity_std * rng.standard_normal(5)
+    q[SLIDES:] += spread * parameters.x0_position_std * rng.standard_normal(DOF - SLIDES)
+    dq[SLIDES:] *= 1 + spread * parameters.x0_velocity_std * rng.standard_normal(DOF - SLIDES)
     return project(q, dq, RabbitFeet(leg_shape(parameters)))
 
 

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from rabbit_description.state import Array, Leg
+from rabbit_description.state import DOF, Array, Leg
 
 LINK_LENGTH = 0.4  # m, thigh and shin of the URDF
 
@@ -75,13 +75,13 @@ class RabbitFeet:
 
     def jacobian(self, q: Array, leg: Leg) -> Array:
         """Foot velocity over `dq`, shape (2, 7): rows x, z."""
-        hip = 3 + 2 * leg
+        hip, knee = range(DOF)[leg.joints]
         upper_angle, shape = float(q[2] + q[hip]), self.shape
         thigh = _link(upper_angle, shape.thigh, shape.thigh_bend)
-        shin = _link(upper_angle + float(q[hip + 1]), shape.shin, shape.shin_bend)
+        shin = _link(upper_angle + float(q[knee]), shape.shin, shape.shin_bend)
         below = shin[1] - shape.roll
-        jacobian = np.zeros((2, 7))
+        jacobian = np.zeros((2, DOF))
         jacobian[0, 0] = jacobian[1, 1] = 1.0
         jacobian[:, 2] = jacobian[:, hip] = thigh[1] + below, -thigh[0] - shin[0]
-        jacobian[:, hip + 1] = below, -shin[0]
+        jacobian[:, knee] = below, -shin[0]
         return jacobian

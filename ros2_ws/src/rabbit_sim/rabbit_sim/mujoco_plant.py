@@ -18,7 +18,8 @@ from xml.etree.ElementTree import Element, SubElement
 
 import mujoco
 import pinocchio
-from rabbit_description.state import Array
+from rabbit_description.planar_urdf import BASE
+from rabbit_description.state import DOF, Array
 
 from rabbit_sim.engine_plant import STONE_DEPTH, EnginePlant, Forces, JointStates
 from rabbit_sim.parameters import SimulationParameters
@@ -47,12 +48,12 @@ class MujocoPlant(EnginePlant):
             robot_mjcf(self._robot_urdf, parameters.ground_friction, parameters.sole_radius)
         )
         if parameters.coulomb:
-            self.model.dof_frictionloss[3:7] = parameters.coulomb
-            self.model.dof_solref[3:7] = 2 * SUBSTEP_SECONDS, 1.0  # the least there is: a joint at rest creeps by it
+            self.model.dof_frictionloss[BASE:DOF] = parameters.coulomb
+            self.model.dof_solref[BASE:DOF] = 2 * SUBSTEP_SECONDS, 1.0  # the least there is: it creeps by it at rest
         self.model.opt.gravity[::2] = gravity(parameters.slope)
         self._data = mujoco.MjData(self.model)
         names = [self.model.geom(i).name for i in range(self.model.ngeom)]
-        self._torque, self._pressing = self._data.qfrc_applied[3:7], self._data.sensordata  # views
+        self._torque, self._pressing = self._data.qfrc_applied[BASE:DOF], self._data.sensordata  # views
         self._torso_force = self._data.xfrc_applied[self.model.body("torso").id]
         for foot in map(names.index, FEET):
             inverse_mass = self.model.body_invweight0[self.model.geom_bodyid[foot], 0]
@@ -72,7 +73,7 @@ class MujocoPlant(EnginePlant):
 
     def _make_world(self, q: Array, dq: Array) -> None:
         mujoco.mj_resetData(self.model, self._data)
-        self._data.qpos[:7], self._data.qvel[:7] = q, dq
+        self._data.qpos[:DOF], self._data.qvel[:DOF] = q, dq
         for name, (angle, rate) in self._attached_at(q, dq).items():
             self._data.joint(name).qpos[:], self._data.joint(name).qvel[:] = angle, rate
         self._place([])
@@ -92,7 +93,7 @@ class MujocoPlant(EnginePlant):
         mujoco.mj_step(self.model, self._data)
 
     def _joint_states(self) -> JointStates:
-        return self._data.qpos[:7].tolist(), self._data.qvel[:7].tolist()
+        return self._data.qpos[:DOF].tolist(), self._data.qvel[:DOF].tolist()
 
     def _contact_forces(self) -> Forces:
         left_x, _, left_z, right_x, _, right_z = self._pressing.tolist()

@@ -14,6 +14,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from rabbit_description.planar_urdf import BASE
 from rabbit_description.state import Array, BodySensors
 
 from rabbit_sim.plant import PlantReading
@@ -72,7 +73,7 @@ class Measured:
     @property
     def joints(self) -> tuple[Array, Array]:
         """Angles and rates (4,) of the joints, from the state or a lab's encoders; views, which may be written to."""
-        return (self.q[3:], self.dq[3:]) if self.body is None else (self.body.joint_angles, self.body.joint_rates)
+        return (self.q[BASE:], self.dq[BASE:]) if self.body is None else (self.body.joint_angles, self.body.joint_rates)
 
     def copy(self) -> "Measured":
         """One of its own arrays."""

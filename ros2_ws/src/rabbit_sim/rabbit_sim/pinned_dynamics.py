@@ -14,7 +14,7 @@ from typing import Protocol
 
 import numpy as np
 import pinocchio
-from rabbit_description.planar_urdf import BASE, UrdfError
+from rabbit_description.planar_urdf import BASE, BASE_JOINTS, SLIDES, UrdfError
 from rabbit_description.state import Array, Leg
 
 from rabbit_sim.perturbation import JointTorque
@@ -22,9 +22,7 @@ from rabbit_sim.plant import gravity
 
 PLANE = [0, 2]  # x and z of a spatial vector
 OUT_OF_PLANE = [1, 3, 5]  # y, and the turns about x and z
-BASE_COORDINATES = len(BASE)
-BASE_JOINT = len(BASE)  # pinocchio's number of the base's pitch
-SLIDES = 2
+BASE_JOINT = BASE  # pinocchio's number of the base's pitch
 PITCH = "JointModelRY"
 
 
@@ -84,15 +82,15 @@ def standing(feet: Feet, q: Array, dq: Array, leg: Leg) -> tuple[Array, Array]:
 
 
 def planar_model(urdf: str) -> pinocchio.Model:
-    """The model of a robot whose first coordinates are those of `BASE`, and which moves in the x-z plane alone.
+    """The model of a robot whose first coordinates are those of `BASE_JOINTS`, and which moves in the x-z plane alone.
 
     Raises:
         UrdfError: another base, or a joint that leaves the plane; names it.
     """
     model = pinocchio.buildModelFromXML(urdf)
     names = list(model.names)[1:]
-    if tuple(names[:BASE_COORDINATES]) != BASE or model.nq != model.nv:
-        raise UrdfError(f"URDF {model.name}: joints {names}; expected {', '.join(BASE)} first, then single axes")
+    if tuple(names[:BASE]) != BASE_JOINTS or model.nq != model.nv:
+        raise UrdfError(f"URDF {model.name}: joints {names}; expected {', '.join(BASE_JOINTS)} first, then single axes")
     data, q = model.createData(), np.linspace(0.1, 1.0, model.nq)
     pinocchio.computeJointJacobians(model, data, q)
     for joint, name in enumerate(names, start=1):
@@ -117,7 +115,7 @@ class PinnedDynamics:
         self.data = self.model.createData()
         self._beside = beside
         self.coordinates: int = self.model.nv
-        self.inputs = self.coordinates - BASE_COORDINATES
+        self.inputs = self.coordinates - BASE
         self.chains = [PinnedChain(self.model, self.model.getFrameId(link)) for link in feet.links]
         self.weight = pinocchio.computeTotalMass(self.model) * -np.array(gravity(slope))
 
@@ -162,7 +160,7 @@ class PinnedChain:
 
     def __init__(self, model: pinocchio.Model, foot: int) -> None:
         if any(model.inertias[joint].mass for joint in range(1, BASE_JOINT)):
-            raise UrdfError(f"URDF {model.name}: expected massless slides {', '.join(BASE[:SLIDES])}")
+            raise UrdfError(f"URDF {model.name}: expected massless slides {', '.join(BASE_JOINTS[:SLIDES])}")
         self._model, self.into = _grown_from(model, foot)
         self._data = self._model.createData()
         self.out: Array = np.linalg.inv(self.into)

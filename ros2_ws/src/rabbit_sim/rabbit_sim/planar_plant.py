@@ -9,10 +9,11 @@ from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
+from rabbit_description.planar_urdf import SLIDES
 from rabbit_description.state import TICK_SECONDS, Array, Leg
 from scipy.optimize import brentq
 
-from rabbit_sim.pinned_dynamics import SLIDES, PinnedDynamics
+from rabbit_sim.pinned_dynamics import PinnedDynamics
 from rabbit_sim.plant import CLEAR_HEIGHT, SUBSTEP_SECONDS, SUBSTEPS, PlantReading, Touch
 
 EVENT_TOLERANCE = 1e-13  # s

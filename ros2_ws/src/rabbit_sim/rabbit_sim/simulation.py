@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from rabbit_description.gait import Gaits
 from rabbit_description.plugins import load
-from rabbit_description.state import TICK_SECONDS, Array, Leg, RobotState, no_torque
+from rabbit_description.state import JOINTS, TICK_SECONDS, Array, Leg, RobotState, no_torque
 
 from rabbit_sim.initial_state import initial_state
 from rabbit_sim.parameters import PLANTS, SimulationParameters
@@ -137,7 +137,7 @@ class Simulation:
             RuntimeError: no episode is running.
         """
         torque = np.asarray(torque, dtype=float)
-        if torque.shape != (4,) or not all(map(isfinite, torque.tolist())):
+        if torque.shape != (JOINTS,) or not all(map(isfinite, torque.tolist())):
             raise ValueError(f"torque = {torque}: expected four finite numbers, N m")
         if self.outcome is not Outcome.RUNNING:
             raise RuntimeError(f"outcome = {self.outcome}: expected a running episode, call reset first")

@@ -33,10 +33,11 @@ def links_of(about: Mapping[str, Any]) -> Links:
 
 def leg_points(q: Array, leg: Leg, links: Links = STRAIGHT) -> Array:
     """Hip, knee and foot of a leg, world x and z, for `q` (n, 7): shape (n, 3, 2), m."""
-    hip_angle = q[:, 2] + q[:, 3 + 2 * leg]
+    hip_joint, knee_joint = q[:, leg.joints].T
+    thigh = q[:, 2] + hip_joint
     hip = q[:, :2]
-    knee = hip + _link(hip_angle, links)
-    return np.stack([hip, knee, knee + _link(hip_angle + q[:, 4 + 2 * leg], links)], axis=1)
+    knee = hip + _link(thigh, links)
+    return np.stack([hip, knee, knee + _link(thigh + knee_joint, links)], axis=1)
 
 
 def legs_of(walk: WalkRecords) -> Array:

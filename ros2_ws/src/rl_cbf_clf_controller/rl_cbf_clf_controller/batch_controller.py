@@ -16,7 +16,7 @@ from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import NumpyFunction, Values
 from cbf_clf_qp.qp import ROUNDING as ACTIVE
 from rabbit_description.robot_states import RobotStates
-from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, TICK_SECONDS, Array, Leg
+from rabbit_description.state import DOF, JOINTS, SWAP_STATE, SWAP_TORQUE, TICK_SECONDS, Array, Leg
 
 from rl_cbf_clf_controller.batch_functions import BatchFunction, answers, batch_with_daqp
 from rl_cbf_clf_controller.controller import CARRIED, NO_TORQUE, ROUNDING, Controller
@@ -146,7 +146,7 @@ class BatchController:
         self._orders: dict[int, Array] = {}  # of the columns, by their number, for the legs that stand
         self._checked = np.full((n, 3), np.nan)  # stones
         self._has_begun, self._seconds_before = np.zeros(n, dtype=bool), np.zeros(n)
-        self._torque, self._held, self._place = np.tile(NO_TORQUE, (n, 1)), np.zeros((n, 4)), np.zeros((n, 2))
+        self._torque, self._held, self._place = np.tile(NO_TORQUE, (n, 1)), np.zeros((n, JOINTS)), np.zeros((n, 2))
         self._moved, self._carries = np.zeros((n, 2)), np.ones(n, dtype=bool)
         self._path = np.array([each.row for each in self._constraints])
         self._p = np.tile(controller._p, (n, 1))
@@ -202,7 +202,7 @@ class BatchController:
         for i in (~self._has_begun).nonzero()[0].tolist():
             self._begin_step(i, x[i], states)
         p, places, parameters = self._p, self._one._places, self._one.parameters
-        force = self._by_stance(states.foot_force.reshape(-1, 4), SWAP_TORQUE).reshape(-1, 2, 2)
+        force = np.where(self._stance[:, None, None], states.foot_force[:, ::-1], states.foot_force)
         p[:, places["force"]], p[:, places["held"]] = force[:, 0], self._by_stance(self._held, SWAP_TORQUE)
         if parameters.stone_tracking and parameters.terrain == "stones":
             self._track(x, force[:, 0, 1])
@@ -279,14 +279,14 @@ class BatchController:
     def _output(self, scene: BatchScene, decided: Decided, total: Estimates, parts: list[Estimates]) -> BatchOutput:
         parameters, values, n = self._one.parameters, decided.values, len(scene.x)
         a, b = values.control_a, values.control_b
-        mu_qp, wanted, omega, faults = values.mu, values.u, np.zeros((n, 4)), scene.faults
+        mu_qp, wanted, omega, faults = values.mu, values.u, np.zeros((n, JOINTS)), scene.faults
         for i in (~decided.solved).nonzero()[0].tolist():
             faults.setdefault(i, f"no solver answered: {decided.status[i]}")
             mu_qp[i] = 0.0
             wanted[i] = a[i] @ mu_qp[i] + b[i]
         mu = mu_qp
         if parameters.sigma > 0:
-            omega = parameters.sigma * np.array([rng.standard_normal(4) for rng in self._rngs])
+            omega = parameters.sigma * np.array([rng.standard_normal(JOINTS) for rng in self._rngs])
             mu = mu_qp + omega
             wanted = np.array([a[i] @ mu[i] + b[i] for i in range(n)])
         limit = parameters.torque_limit
@@ -350,17 +350,17 @@ class BatchController:
         carries = normal_force > CARRIED
         stands = (carries & self._carries)[:, None]
         if not stands.all():
-            moved = self._feet(x[:, :7], *(each.ravel() for each in self._one._feet.lengths)).stance - self._place
+            moved = self._feet(x[:, :DOF], *(each.ravel() for each in self._one._feet.lengths)).stance - self._place
             self._moved = np.where(stands, self._moved, moved)
         self._carries = carries
 
     def _begin_step(self, i: int, x: Array, states: RobotStates) -> None:
         """See `Controller`."""
         seconds = None if np.isnan(self._seconds_before[i]) else float(self._seconds_before[i])
-        feet = self._one._feet(x[:7])
+        feet = self._one._feet(x[:DOF])
         taken, self._place[i] = -float(feet.swing[0]), feet.stance
         self._moved[i], self._carries[i] = 0.0, True
-        self._follow(i, self._steps[i].begin(Touchdown(x[:7], x[7:], taken, seconds, states.previews[i])))
+        self._follow(i, self._steps[i].begin(Touchdown(x[:DOF], x[DOF:], taken, seconds, states.previews[i])))
         self._has_begun[i] = True
 
     def _follow(self, i: int, constraints: VirtualConstraints) -> None:

@@ -15,7 +15,18 @@ from cbf_clf_qp.estimates import Estimates, model_error
 from cbf_clf_qp.functions import one_at_a_time, places_of
 from cbf_clf_qp.quantity import Constrained
 from rabbit_description.gait import Gaits
-from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, TICK_SECONDS, Array, Leg, RobotState, StonePreview
+from rabbit_description.state import (
+    DOF,
+    JOINTS,
+    SWAP_STATE,
+    SWAP_TORQUE,
+    TICK_SECONDS,
+    Array,
+    Leg,
+    RobotState,
+    StonePreview,
+    no_torque,
+)
 
 from rl_cbf_clf_controller.controller_output import NOTHING, Acted, ControllerOutput, flat, seen_fields
 from rl_cbf_clf_controller.identified_robot import IdentifiedRobot
@@ -32,9 +43,9 @@ from rl_cbf_clf_controller.virtual_constraints import VirtualConstraints
 from rl_cbf_clf_controller.walking import GAINS, Walking
 
 ROUNDING = 1e-6  # N m, by which the QP may be over the limit
-NO_TORQUE = np.full(4, np.nan)
-SWAP_X = np.concatenate([SWAP_STATE, 7 + SWAP_STATE])
-NO_NOISE = np.zeros(4)
+NO_TORQUE = no_torque()
+SWAP_X = np.concatenate([SWAP_STATE, DOF + SWAP_STATE])
+NO_NOISE = np.zeros(JOINTS)
 CARRIED = 20.0  # N; a foot that presses less may be falling
 DYNAMIC = ("sigma", "swap_time", "swap_phase", *GAINS)  # parameters that may change between two ticks
 
@@ -159,7 +170,7 @@ class Controller:
     def reset(self, seed: int) -> None:
         """Begin an episode: left leg stands; the exploration noise starts from `seed`."""
         self._step = StepState(rng=np.random.default_rng(seed))
-        self._held = np.zeros(4)  # torque of the last tick, left/right order
+        self._held = np.zeros(JOINTS)  # torque of the last tick, left/right order
         self._follow(self.steps.first())
         self._answer.reset()
         for estimator in (self.policy, *self._estimators):
@@ -252,11 +263,11 @@ class Controller:
         values = decided.values
         mu_qp, wanted, omega = values.mu, values.u, NO_NOISE
         if not decided.solved:
-            fault, mu_qp = fault or f"no solver answered: {decided.status}", np.zeros(4)
+            fault, mu_qp = fault or f"no solver answered: {decided.status}", np.zeros(JOINTS)
             wanted = values.control_b
         mu = mu_qp
         if p.sigma > 0:
-            omega = p.sigma * step.rng.standard_normal(4)
+            omega = p.sigma * step.rng.standard_normal(JOINTS)
             mu = mu_qp + omega
             wanted = values.control_a @ mu + values.control_b
         largest = max(map(abs, wanted.tolist()))
@@ -301,7 +312,7 @@ class Controller:
         """How far the stance foot has moved since it came down, (2,), m: a foot that carries the robot stands."""
         step, carries = self._step, normal_force > CARRIED
         if not (carries and step.carries):
-            step.moved = self._feet(x[:7]).stance - step.place
+            step.moved = self._feet(x[:DOF]).stance - step.place
         step.carries = carries
         return step.moved
 
@@ -339,7 +350,7 @@ class Controller:
 
     def _check(self, state: RobotState) -> None:
         q, dq = state.q, state.dq
-        if not (q.shape == dq.shape == (7,) and is_finite(q) and is_finite(dq)):
-            wrong = "dq" if q.shape == (7,) and is_finite(q) else "q"
-            raise ControllerError(f"state.{wrong} = {getattr(state, wrong)}: expected 7 finite values")
+        if not (q.shape == dq.shape == (DOF,) and is_finite(q) and is_finite(dq)):
+            wrong = "dq" if q.shape == (DOF,) and is_finite(q) else "q"
+            raise ControllerError(f"state.{wrong} = {getattr(state, wrong)}: expected {DOF} finite values")
         self._terrain.check(state)

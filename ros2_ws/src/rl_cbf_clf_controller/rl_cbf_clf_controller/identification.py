@@ -28,20 +28,23 @@ measured in newtons and not in torques.
 import casadi as ca
 import numpy as np
 from cbf_clf_qp.functions import NumpyFunction
-from rabbit_description.state import TICK_SECONDS, Array
+from rabbit_description.planar_urdf import BASE, SLIDES
+from rabbit_description.state import DOF, JOINTS, TICK_SECONDS, Array
 
 from rl_cbf_clf_controller.least_squares import LeastSquares, updated
-from rl_cbf_clf_controller.planar_robot import BASE, PinnedRobot, robot_parameters
+from rl_cbf_clf_controller.planar_robot import INERTIAL, PinnedRobot, robot_parameters
 from rl_cbf_clf_controller.robot_numbers import GRAVITY, RobotNumbers
 
+LINKS = ("torso", "thigh", "shin")
 IDENTIFIED = (
-    *(f"{link}_{name}" for link in ("torso", "thigh", "shin") for name in ("m", "mc_x", "mc_z", "I_yy")),
+    *(f"{link}_{name}" for link in LINKS for name in INERTIAL),
     "joint_damping",  # d, 1/s
     "motor_gain",  # kappa
     "late_torque",  # lag
 )
-THETA, DAMPING, MOTOR_GAIN, LATE_TORQUE = slice(0, 12), 12, 13, 14
 SIZE = len(IDENTIFIED)
+THETA = slice(len(LINKS) * len(INERTIAL))
+DAMPING, MOTOR_GAIN, LATE_TORQUE = range(THETA.stop, SIZE)
 
 FILTER_TIME = 0.03  # s
 FORCE_NOISE = 30.0  # N, rows of the base's slides
@@ -55,14 +58,14 @@ GAIN_SPREAD = 0.1
 LATE_SPREAD = 0.3
 WALK = 1e-6  # of the first covariance, gained each tick
 
-NOISE = np.diag([FORCE_NOISE**2] * 2 + [MOMENT_NOISE**2] * 5)
+NOISE = np.diag([FORCE_NOISE**2] * SLIDES + [MOMENT_NOISE**2] * (DOF - SLIDES))
 USUAL_LATE, LATE_RANGE = 0.42, 0.1  # a motor lag of 4 ms has 0.37; 8 kN m/s at twice the mass 0.5 to 0.8
 SHARE = float(1 - np.exp(-TICK_SECONDS / FILTER_TIME))
 PER_RATE_VARIANCE = 2 * (SHARE / TICK_SECONDS) ** 2 / (2 - SHARE)  # of a low-passed difference of white noise
 EXPLAINED, UNEXPLAINED = 0.5, 2.0  # normalised squares of an innovation; the doubt goes towards 0 and 1 there
 DOUBT_RISES, DOUBT_FALLS = 0.1, 0.01  # of the way, each tick
 DOUBT_BEGINS, DOUBT_WINS = 0.15, 0.5  # the doubts from which on the robot found counts less, and no more
-NOTHING_FILTERED = np.zeros((7, SIZE)), np.zeros(7)
+NOTHING_FILTERED = np.zeros((DOF, SIZE)), np.zeros(DOF)
 
 
 class Identification:
@@ -119,10 +122,10 @@ def identification_function() -> NumpyFunction:
     Its inputs are those of `Identification.learn`, in this order: joints, feet, theta; value, covariance, walk; start,
     end, torque before and now, force, filtered regressor and measured side, share, rate_variance, doubt.
     """
-    sizes = {"joints": (4, 2), "feet": (2, 2), "theta": (12, 1)}
+    sizes = {"joints": (JOINTS, 2), "feet": (2, 2), "theta": (THETA.stop, 1)}
     sizes |= {"value": (SIZE, 1), "covariance": (SIZE, SIZE), "walk": (SIZE, SIZE)}
-    sizes |= {"start": (14, 1), "end": (14, 1), "before": (4, 1), "now": (4, 1), "force": (2, 2)}
-    sizes |= {"regressor": (7, SIZE), "measured": (7, 1), "share": (1, 1), "rate_variance": (1, 1)}
+    sizes |= {"start": (2 * DOF, 1), "end": (2 * DOF, 1), "before": (JOINTS, 1), "now": (JOINTS, 1), "force": (2, 2)}
+    sizes |= {"regressor": (DOF, SIZE), "measured": (DOF, 1), "share": (1, 1), "rate_variance": (1, 1)}
     sizes |= {"doubt": (1, 1)}
     s = {name: ca.SX.sym(name, *size) for name, size in sizes.items()}
     regressor, measured, mass = equation(s)
@@ -137,17 +140,17 @@ def identification_function() -> NumpyFunction:
 
 def equation(s: dict[str, ca.SX]) -> tuple[ca.SX, ca.SX, ca.SX]:
     """Regressor (7, 15), measured side (7,) and mass matrix (7, 7) of one tick, as expressions of its symbols."""
-    torso, thigh, shin = (s["theta"][4 * i : 4 * i + 4].T for i in range(3))
+    torso, thigh, shin = (link.T for link in ca.vertsplit(s["theta"], len(INERTIAL)))
     lengths = {"joints": s["joints"], "feet": s["feet"], "links": ca.vertcat(torso, thigh, shin, thigh, shin)}
     robot = PinnedRobot(parameters={**robot_parameters(), **lengths, "gravity": ca.SX(GRAVITY)})
-    ddq = ca.SX.sym("ddq", 7)
+    ddq = ca.SX.sym("ddq", DOF)
     tau, points = robot.inverse_dynamics(ddq), ca.vertcat(*robot.feet)
     at_tick = (
         [robot.q, robot.dq, ddq],
         [
-            (s["start"][:7] + s["end"][:7]) / 2,
-            (s["start"][7:] + s["end"][7:]) / 2,
-            (s["end"][7:] - s["start"][7:]) / TICK_SECONDS,
+            (s["start"][:DOF] + s["end"][:DOF]) / 2,
+            (s["start"][DOF:] + s["end"][DOF:]) / 2,
+            (s["end"][DOF:] - s["start"][DOF:]) / TICK_SECONDS,
         ],
     )
     terms = [ca.jacobian(tau, s["theta"]), ca.jacobian(tau, ddq), ca.jacobian(points, robot.q)]
@@ -176,22 +179,23 @@ def lateness(late_torque: Array) -> Array:
 
 def is_physical(theta: Array) -> bool:
     """Whether every link has a mass and, about its centre of mass, an inertia."""
-    links = theta.reshape(3, 4).tolist()
+    links = theta.reshape(len(LINKS), -1).tolist()
     return all(mass > 0 and inertia * mass > mc_x**2 + mc_z**2 for mass, mc_x, mc_z, inertia in links)
 
 
 def prior_covariance(theta: Array) -> Array:
     """Of x (15, 15) about the robot theta (12,)."""
-    torso_mass, _, torso_moment, _ = theta[:4]
+    torso_mass, _, torso_moment, _ = theta[: len(INERTIAL)]
     height = torso_moment / torso_mass
-    point_mass = np.concatenate([[1.0, 0.0, height, height**2], np.zeros(8)])
+    point_mass = np.zeros(len(theta))
+    point_mass[: len(INERTIAL)] = 1.0, 0.0, height, height**2
     sizes = np.abs(theta)
-    sizes[1::4] = sizes[2::4]  # the CoM may turn about the joint
+    sizes[1 :: len(INERTIAL)] = sizes[2 :: len(INERTIAL)]  # the CoM may turn about the joint
     covariance = np.zeros((SIZE, SIZE))
     covariance[THETA, THETA] = (
         SCALE_SPREAD**2 * np.outer(theta, theta)
         + PAYLOAD_SPREAD**2 * np.outer(point_mass, point_mass)
         + np.diag((LINK_SPREAD * sizes) ** 2)
     )
-    covariance[12:, 12:] = np.diag([DAMPING_SPREAD**2, GAIN_SPREAD**2, LATE_SPREAD**2])
+    covariance[DAMPING:, DAMPING:] = np.diag([DAMPING_SPREAD**2, GAIN_SPREAD**2, LATE_SPREAD**2])
     return covariance

@@ -19,7 +19,8 @@ from copy import copy
 
 import numpy as np
 from cbf_clf_qp.estimates import Estimates
-from rabbit_description.state import Array, RobotState
+from rabbit_description.planar_urdf import SLIDES
+from rabbit_description.state import DOF, Array, RobotState
 
 from rl_cbf_clf_controller.identification import (
     DAMPING,
@@ -39,7 +40,7 @@ from rl_cbf_clf_controller.state_prediction import prediction_function
 
 KNOWN = (*IDENTIFIED, "hip_offset", "knee_offset", "doubt")  # offsets in rad
 SETTLING = 2  # ticks on the ground before what is measured counts
-PITCH_RATE = 9  # its place in the state
+PITCH_RATE = DOF + SLIDES  # its place in the state
 CONTACT_FORCE = 1.0  # N; a foot that carries less is in the air
 
 

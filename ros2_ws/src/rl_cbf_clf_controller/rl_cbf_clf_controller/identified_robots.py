@@ -6,7 +6,7 @@ What a robot has learned lies in the rows of `_known`; a tick that a robot does 
 import numpy as np
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import NumpyFunction, Values, places_of
-from rabbit_description.state import Array
+from rabbit_description.state import DOF, Array, no_torque
 
 from rl_cbf_clf_controller.batch_functions import BatchFunction
 from rl_cbf_clf_controller.identification import (
@@ -23,7 +23,7 @@ from rl_cbf_clf_controller.identification import (
 from rl_cbf_clf_controller.identification import SIZE as IDENTIFIED
 from rl_cbf_clf_controller.identified_robot import CONTACT_FORCE, PITCH_RATE, SETTLING, IdentifiedRobot
 from rl_cbf_clf_controller.joint_calibration import OFFSETS
-from rl_cbf_clf_controller.planar_robot import robot_parameters
+from rl_cbf_clf_controller.planar_robot import INERTIAL, robot_parameters
 from rl_cbf_clf_controller.rate_noise import CORRELATED, FIRST_DIFFERENCES, PER_VARIANCE
 
 PLACES = {name: place for name, (place, _) in places_of(robot_parameters()).items()}
@@ -42,11 +42,11 @@ class IdentifiedRobots:
             **{"joints": one._nominal.joints.ravel(), "feet": one._nominal.feet.ravel()},
             **{"value": identification.value, "fit": identification.value},  # taken over, and as the squares say
             **{"covariance": identification._fit.covariance.ravel(), "walk": identification._fit.walk.ravel()},
-            **{"regressor": np.zeros(7 * IDENTIFIED), "measured": np.zeros(7), "share": np.ones(1)},
+            **{"regressor": np.zeros(DOF * IDENTIFIED), "measured": np.zeros(DOF), "share": np.ones(1)},
             **{"offsets": calibration.value, "offset_covariance": calibration._fit.covariance.ravel()},
             **{"squares": np.zeros(1), "differences": np.zeros(1), "rates": np.full(2, np.nan)},  # the last two
-            **{"standing": np.zeros(1), "last_tick": np.full(1, -2), "last_torque": np.full(4, np.nan)},
-            **{"last_x": np.full(14, np.nan), "doubt": identification.doubt},
+            **{"standing": np.zeros(1), "last_tick": np.full(1, -2), "last_torque": no_torque()},
+            **{"last_x": np.full(2 * DOF, np.nan), "doubt": identification.doubt},
         }
         self._known = {name: np.tile(first, (robots, 1)) for name, first in self._first.items()}
         self._x: Array | None = None
@@ -101,7 +101,7 @@ class IdentifiedRobots:
         """Their numbers; see `RobotNumbers.with_links`."""
         value, rows = self._known["value"], np.tile(self._nominal, (len(self._known["value"]), 1))
         theta = value[:, THETA]
-        rows[:, PLACES["links"]] = np.concatenate([theta, theta[:, 4:]], axis=1)
+        rows[:, PLACES["links"]] = np.concatenate([theta, theta[:, len(INERTIAL) :]], axis=1)
         rows[:, PLACES["motor_gain"]] = value[:, [MOTOR_GAIN]]
         rows[:, PLACES["joint_damping"]] = value[:, [DAMPING]]
         return rows

@@ -16,10 +16,11 @@ along the step; so the knee's prior is narrow.
 import casadi as ca
 import numpy as np
 from cbf_clf_qp.functions import NumpyFunction
+from rabbit_description.planar_urdf import BASE
 from rabbit_description.state import Array
 
 from rl_cbf_clf_controller.least_squares import LeastSquares, updated
-from rl_cbf_clf_controller.planar_robot import BASE, PinnedRobot
+from rl_cbf_clf_controller.planar_robot import PinnedRobot
 from rl_cbf_clf_controller.robot_numbers import RobotNumbers
 
 OFFSETS = np.array([[0.0, 0, 0, 1, 0, 1, 0], [0, 0, 0, 0, 1, 0, 1]]).T  # (o_h, o_k) to q

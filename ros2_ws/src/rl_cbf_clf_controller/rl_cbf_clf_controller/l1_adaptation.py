@@ -26,19 +26,20 @@ import numpy as np
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.constraints import ResClf
 from cbf_clf_qp.estimates import Estimates
-from rabbit_description.state import TICK_SECONDS, Array
+from rabbit_description.state import JOINTS, TICK_SECONDS, Array
 from scipy.linalg import expm
 
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.scene import Estimator, Scene
 
 DY, ESTIMATE, FILTERED = 1, 2, 3  # rows of the state: predictor's error in y and y-dot, estimate, filtered estimate
+STATES = 1 + FILTERED
 
 
 class L1Adaptation(Estimator):
     """The adaptation's memory for m outputs of relative degree 2; `estimate` is called once a tick."""
 
-    def __init__(self, parameters: ControllerParameters, m: int = 4) -> None:
+    def __init__(self, parameters: ControllerParameters, m: int = JOINTS) -> None:
         p, self._outputs = parameters, m
         clf = ResClf(m, p.eps, (p.kp, p.kd))
         self._F, self._G, P, K = (ca.DM(matrix).full() for matrix in (clf.F, clf.G, clf.P, clf.K))
@@ -53,7 +54,7 @@ class L1Adaptation(Estimator):
         """Forget all: no error, no estimate."""
         m = self._outputs
         self.slope, self.offset = np.zeros(m), np.zeros(m)
-        self._state = np.zeros((4, m))
+        self._state = np.zeros((STATES, m))
         self._eta = np.zeros(2 * m)  # of the last tick
         self._belief: Affine | None = None
 
@@ -104,17 +105,17 @@ class L1Adaptation(Estimator):
 
     def _step(self, size: float) -> Array:
         """(4, 6): the state after a sub-step; d/dt (state, defect) is linear in them, the same for every output."""
-        rates = np.zeros((6, 6))
-        rates[:2, :2], rates[:2, 4:] = self._closed, np.eye(2)
+        rates = np.zeros((STATES + 2, STATES + 2))
+        rates[:2, :2], rates[:2, STATES:] = self._closed, np.eye(2)
         rates[DY, ESTIMATE] = 1.0
         rates[ESTIMATE, :2] = -self._gain * (1 + size**2) * self._s
         rates[FILTERED, ESTIMATE], rates[FILTERED, FILTERED] = self._cutoff, -self._cutoff
         if self._law == "exact":
-            return expm(rates * self._h)[:4]
-        step = np.eye(6) + rates * self._h
+            return expm(rates * self._h)[:STATES]
+        step = np.eye(STATES + 2) + rates * self._h
         step[FILTERED, FILTERED] = np.exp(-self._cutoff * self._h)  # the filter is no part of what Euler may spoil
         step[FILTERED, ESTIMATE] = 1 - step[FILTERED, FILTERED]
-        return step[:4]
+        return step[:STATES]
 
 
 def into_ball(value: Array, radius: float) -> Array:

@@ -10,11 +10,10 @@ from typing import Any
 import numpy as np
 from rabbit_common.message_arrays import array_of, doubles
 from rabbit_common.message_checks import Refused, check_finite
-from rabbit_description.state import ACTUATED, Array, Leg
+from rabbit_description.state import JOINTS, Array, Leg
 
 from rl_cbf_clf_controller.controller_output import NOTHING, ControllerOutput
 
-INPUTS = len(ACTUATED)
 LEGS = tuple(Leg)
 STONE_BARRIERS = ("B1", "B2")  # others are your own
 SCALARS = ("step_index", "step_time", "phase", "clf_slack", "rescue_slack", "saturated", "answered", "solve_seconds")
@@ -29,8 +28,8 @@ MATRICES, VECTORS = ("nominal_a", "alpha"), ("nominal_b", "measured", "beta")  #
 UNTOLD = {  # sizes of what a state and a torque do not tell
     **dict.fromkeys(("step_time", "phase", "V", "clf_slack", "rescue_slack", "solve_seconds"), ()),
     **dict.fromkeys(("barriers", "barrier_rates"), (0,)),
-    **{"eta": (2 * INPUTS,), **dict.fromkeys(("mu", "mu_qp", "omega", "mu_held", "LgV"), (INPUTS,))},
-    **{**dict.fromkeys(MATRICES, (0, INPUTS)), **dict.fromkeys(VECTORS, (0,))},
+    **{"eta": (2 * JOINTS,), **dict.fromkeys(("mu", "mu_qp", "omega", "mu_held", "LgV"), (JOINTS,))},
+    **{**dict.fromkeys(MATRICES, (0, JOINTS)), **dict.fromkeys(VECTORS, (0,))},
 }
 FINITE = ("lgv", "nominal_a", "nominal_b", "alpha", "beta", "observation", "identified", "adapted")
 
@@ -60,7 +59,7 @@ def terms_fields(output: ControllerOutput) -> dict[str, Any]:
 def state_values(message: Any) -> dict[str, Any]:
     """The fields of `ControllerOutput` that a `ControllerState` tells; raises `Refused`."""
     values: dict[str, Any] = {name: getattr(message, name) for name in ("tick", *SCALARS, *WORDS)}
-    values |= {name: array_of(message, name, size) for name, size in (("eta", 2 * INPUTS), ("mu", INPUTS))}
+    values |= {name: array_of(message, name, size) for name, size in (("eta", 2 * JOINTS), ("mu", JOINTS))}
     for name in ("eta", "mu"):
         check_finite(name, getattr(message, name))
     if message.stance not in LEGS:
@@ -77,13 +76,13 @@ def state_values(message: Any) -> dict[str, Any]:
 def terms_values(message: Any) -> dict[str, Any]:
     """The fields of `ControllerOutput` that a `LearnerTerms` tells; raises `Refused`."""
     n = len(message.quantities)
-    values: dict[str, Any] = {name: array_of(message, name, INPUTS) for name in ("mu_qp", "omega", "mu_held")}
+    values: dict[str, Any] = {name: array_of(message, name, JOINTS) for name in ("mu_qp", "omega", "mu_held")}
     values |= {name: np.array(getattr(message, name)) for name in ("observation", "identified", "adapted")}
     values |= {name: array_of(message, name, n) for name in VECTORS}
-    values |= {name: array_of(message, name, n * INPUTS).reshape(n, INPUTS) for name in MATRICES}
+    values |= {name: array_of(message, name, n * JOINTS).reshape(n, JOINTS) for name in MATRICES}
     for name in FINITE:
         check_finite(name, getattr(message, name))
-    return {**values, "LgV": array_of(message, "lgv", INPUTS), "quantities": tuple(message.quantities)}
+    return {**values, "LgV": array_of(message, "lgv", JOINTS), "quantities": tuple(message.quantities)}
 
 
 def untold_values(measured: Any, policy_version: str) -> dict[str, Any]:

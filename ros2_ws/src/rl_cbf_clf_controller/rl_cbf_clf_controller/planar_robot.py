@@ -21,9 +21,9 @@ from functools import cached_property
 import casadi as ca
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.system import System, solved
+from rabbit_description.planar_urdf import BASE, SLIDES
 
-SLIDES = 2  # of the base: the coordinates that the stance foot takes up
-BASE = 3  # coordinates of the base: two slides and the pitch
+INERTIAL = ("m", "mc_x", "mc_z", "I_yy")  # parameters of a link
 STILL = 0.02  # rad/s, below which dry friction fades, so that it has a value at rest
 
 
@@ -56,8 +56,8 @@ def robot_parameters(structure: Structure = RABBIT) -> dict[str, ca.SX]:
     `gravity` (2,): of the ground's frame, upwards, m/s^2.
     """
     links = len(structure.parents) + 1
-    shapes = {"links": (links, 4), "joints": (links - 1, 2), "feet": (2, 2), "motor_gain": (structure.motors, 1)}
-    shapes |= {"joint_damping": (1, 1), "coulomb": (1, 1), "gravity": (2, 1)}
+    shapes = {"links": (links, len(INERTIAL)), "joints": (links - 1, 2), "feet": (2, 2)}
+    shapes |= {"motor_gain": (structure.motors, 1), "joint_damping": (1, 1), "coulomb": (1, 1), "gravity": (2, 1)}
     return {name: ca.SX.sym(name, *shape) for name, shape in shapes.items()}
 
 

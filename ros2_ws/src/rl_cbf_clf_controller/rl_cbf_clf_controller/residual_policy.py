@@ -15,14 +15,14 @@ from typing import Any
 
 import numpy as np
 from cbf_clf_qp.estimates import Estimates
-from rabbit_description.state import TICK_SECONDS, Array
+from rabbit_description.planar_urdf import BASE
+from rabbit_description.state import DOF, JOINTS, TICK_SECONDS, Array
 
 from rl_cbf_clf_controller.policy import Policy
 from rl_cbf_clf_controller.scene import Scene
 from rl_cbf_clf_controller.weights import RESIDUAL_FRAME, Actor, PolicyFile
 
 SCALE = 40.0  # rad/s^2
-INPUTS = 4
 FRAME = len(RESIDUAL_FRAME)
 READS = 2 * FRAME
 STONE = 0.35  # m, subtracted from the edges of a stone
@@ -45,7 +45,7 @@ class Memory:
     @classmethod
     def of(cls, n: int) -> "Memory":
         """Nothing remembered."""
-        dy, said = np.zeros((2, n, INPUTS))
+        dy, said = np.zeros((2, n, JOINTS))
         return cls(np.zeros((n, FRAME)), dy, said, np.full(n, NEVER), np.zeros(n, dtype=int))
 
     def forget(self, robot: int | slice) -> None:
@@ -69,7 +69,7 @@ class ResidualPolicy(Policy):
 
     @abstractmethod
     def says(self, reads: Array) -> Array:
-        """The residuals over `SCALE`, (N, INPUTS) in [-1, 1], of what is read of N robots, (N, READS)."""
+        """The residuals over `SCALE`, (N, JOINTS) in [-1, 1], of what is read of N robots, (N, READS)."""
 
     def estimate(self, scene: Scene, before: Estimates) -> Estimates:
         """At a tick of one robot; `before`: of all other estimators."""
@@ -111,26 +111,26 @@ def observe(memory: Memory, scene: Any, others: Estimates) -> Array:
     `others`: estimates of the model's errors.
     """
     seen, n, tick = scene.seen, len(scene.x), scene.tick
-    y, dy, error = seen.eta[:, :INPUTS], seen.eta[:, INPUTS:], others.output_error
+    y, dy, error = seen.eta[:, :JOINTS], seen.eta[:, JOINTS:], others.output_error
     held = np.nan_to_num((seen.outputs_a * scene.torque[:, None, :]).sum(axis=2) + seen.outputs_b)
     expected = (
-        held if error is None else held + (error[:, :, :INPUTS] * held[:, None, :]).sum(axis=2) + error[:, :, INPUTS]
+        held if error is None else held + (error[:, :, :JOINTS] * held[:, None, :]).sum(axis=2) + error[:, :, JOINTS]
     )
     goes_on = (memory.tick == tick - 1)[:, None]
     same_step = goes_on & (memory.stance == scene.stance)[:, None] & np.isfinite(scene.torque)
     missed = np.where(same_step, (dy - memory.dy) / TICK_SECONDS - expected, 0.0)
     on_stones = hasattr(seen, "B1_state")
-    barriers = [seen.B1_state, seen.B2_state] if on_stones else [np.zeros((n, 4))]
+    barriers = [seen.B1_state, seen.B2_state] if on_stones else [np.zeros((n, 2))] * 2
     stone = seen.stone - (STONE, STONE, 0.0) if on_stones else np.zeros((n, 3))
     parts = [
         10 * y,
         dy,
         seen.phase,
         3 * scene.x[:, 2:3],  # pitch
-        scene.x[:, 7:10],
+        scene.x[:, DOF : DOF + BASE],
         held / 50,
         missed / 100,
-        scene.force.reshape(n, 4) / 600,
+        scene.force.reshape(n, -1) / 600,
         5 * np.concatenate(barriers, axis=1),
         10 * stone,
         np.full((n, 1), float(on_stones)),

@@ -10,14 +10,15 @@ import numpy as np
 import pinocchio as pin
 from cbf_clf_qp.functions import NumpyFunction, Values
 from rabbit_description import URDF_PATH
-from rabbit_description.state import Array
+from rabbit_description.planar_urdf import BASE
+from rabbit_description.state import SWAP_TORQUE, Array
 
-from rl_cbf_clf_controller.planar_robot import BASE, PinnedRobot, Structure
+from rl_cbf_clf_controller.planar_robot import PinnedRobot, Structure
 
 PLANE = [0, 2]  # x and z of a spatial vector
 PLANAR = [0, 1, 3, 6]  # m, m c_x, m c_z, I_yy among pinocchio's ten of a link
 GRAVITY = np.array([0.0, 9.81])  # m/s^2, upwards
-MIRRORED = [0, 3, 4, 1, 2]  # RABBIT's links with the legs exchanged
+MIRRORED = [0, *(1 + SWAP_TORQUE)]  # RABBIT's links with the legs exchanged
 
 
 @dataclass(frozen=True)
@@ -47,14 +48,14 @@ class RobotNumbers:
 
     def with_links(self, theta: Array, motor_gain: float, joint_damping: float) -> "RobotNumbers":
         """RABBIT with two like legs of these links, see `theta`."""
-        torso, thigh, shin = theta.reshape(3, 4)
+        torso, thigh, shin = theta.reshape(3, -1)
         gains = np.full(len(self.motor_gain), motor_gain)
         links = np.array([torso, thigh, shin, thigh, shin])
         return replace(self, links=links, motor_gain=gains, joint_damping=joint_damping)
 
     def mirrored(self) -> "RobotNumbers":
         """RABBIT with its right leg as the stance leg: the masses and motors of the legs change places."""
-        return replace(self, links=self.links[MIRRORED], motor_gain=self.motor_gain[[2, 3, 0, 1]])
+        return replace(self, links=self.links[MIRRORED], motor_gain=self.motor_gain[SWAP_TORQUE])
 
 
 class Feet:

@@ -9,7 +9,7 @@ from typing import Self
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import NumpyFunction, Values
-from rabbit_description.state import Array, Leg
+from rabbit_description.state import DOF, Array, Leg
 
 
 class ControllerError(ValueError):
@@ -47,12 +47,12 @@ class Scene:
     @property
     def q_s(self) -> Array:
         """Coordinates (7,)."""
-        return self.x[:7]
+        return self.x[:DOF]
 
     @property
     def dq_s(self) -> Array:
         """Their rates (7,)."""
-        return self.x[7:]
+        return self.x[DOF:]
 
     @property
     def LgV(self) -> Array:

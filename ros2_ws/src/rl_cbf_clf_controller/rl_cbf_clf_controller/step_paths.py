@@ -14,12 +14,12 @@ from math import ceil
 
 import numpy as np
 from rabbit_description.gait import Gait, GaitLibrary
-from rabbit_description.state import Array
+from rabbit_description.state import DOF, JOINTS, Array, Leg
 
 from rl_cbf_clf_controller.robot_numbers import Feet
 from rl_cbf_clf_controller.virtual_constraints import RABBIT_ANGLES
 
-STANCE_LEG, SWING_LEG = slice(3, 5), slice(5, 7)  # hip and knee
+STANCE_LEG, SWING_LEG = (leg.joints for leg in Leg)
 SHARES = np.array([0.3, 1.0, 1.0])  # of the leg's change at the landing, in the last three control points
 HEIGHT_STEP = 0.01  # m, from which Newton's method finds the next leg
 NEWTON_STEPS = 4
@@ -104,15 +104,15 @@ def descent(path: StepPath, feet: Feet) -> Array:
     landed = np.append(np.zeros(2), RABBIT_ANGLES.coordinates(path.coeffs[:, -1], path.phase_angle_end))
     pitch, below = landed[2], landed.copy()
     aim = feet(landed).swing - (0.0, DEPTH)
-    missing = np.ones(4)
+    missing = np.array([np.inf])
     for _ in range(2 * NEWTON_STEPS):
         now = feet(below)
         phase_angle = path.phase_angle_end + LATE * span - RABBIT_ANGLES.phase_angle @ below
         missing = np.array([*(aim - now.swing), phase_angle, pitch - below[2]])
-        slopes = np.vstack([now.jacobian, RABBIT_ANGLES.phase_angle, np.eye(7)[2]])[:, 2:]
+        slopes = np.vstack([now.jacobian, RABBIT_ANGLES.phase_angle, np.eye(DOF)[2]])[:, 2:]
         below[2:] += np.linalg.lstsq(slopes, missing, rcond=None)[0]
     if not np.abs(missing).max() < FOUND:
-        return np.zeros(4)
+        return np.zeros(JOINTS)
     along_the_end = (path.coeffs.shape[1] - 1) * (path.coeffs[:, -1] - path.coeffs[:, -2])
     return np.asarray(RABBIT_ANGLES.controlled @ (below - landed) / LATE - along_the_end)
 

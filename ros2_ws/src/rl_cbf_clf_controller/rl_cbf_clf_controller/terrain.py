@@ -6,10 +6,10 @@ from typing import Literal
 from rabbit_description.state import RobotState, StonePreview
 
 from rl_cbf_clf_controller.scene import ControllerError
+from rl_cbf_clf_controller.uncertainty import STATE_OBSERVATION
 
 FARTHEST_STONE = 2.0  # m
 HIGHEST_STONE = 0.5  # m, up or down
-OF_STATE = 14  # observations of the robot itself
 
 
 @dataclass(frozen=True)
@@ -32,4 +32,4 @@ class Terrain:
 
     def observed(self, stone: StonePreview | None, step_length: tuple[float, ...]) -> int:
         """How many of the observations there are: the robot's; on stones the near edge, and a library's step length."""
-        return OF_STATE + (1 + len(step_length) if stone and self.name == "stones" else 0)
+        return len(STATE_OBSERVATION) + (1 + len(step_length) if stone and self.name == "stones" else 0)

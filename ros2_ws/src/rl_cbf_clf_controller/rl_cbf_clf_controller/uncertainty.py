@@ -8,19 +8,20 @@ In the first approach the quantities are the outputs' accelerations `y1` to `y4`
 estimate but an input: u = u~(mu) + (LgLfh)^-1 (alpha mu + beta) [approach1_input].
 """
 
+from rabbit_description.state import JOINTS
+
 from rl_cbf_clf_controller.problem import Problem
 
-INPUTS = 4  # RABBIT's motors; mu has one component for each output
 STEP_LENGTH = "step_length"  # what a gait library steps at; seen after l_min
 STATE_OBSERVATION = (
-    *(f"y{i}" for i in range(1, 5)),
-    *(f"dy{i}" for i in range(1, 5)),
+    *(f"y{i}" for i in range(1, JOINTS + 1)),
+    *(f"dy{i}" for i in range(1, JOINTS + 1)),
     *("hip_x", "hip_z", "phase"),
     *("hip_dx", "hip_dz", "dphase"),
 )
 UNITS = (  # centre and scale: what a walk of this robot spans
-    *((f"y{i}", 0.0, 0.1) for i in range(1, 5)),  # rad
-    *((f"dy{i}", 0.0, 1.5) for i in range(1, 5)),  # rad/s
+    *((f"y{i}", 0.0, 0.1) for i in range(1, JOINTS + 1)),  # rad
+    *((f"dy{i}", 0.0, 1.5) for i in range(1, JOINTS + 1)),  # rad/s
     ("hip_x", 0.0, 0.12),  # m, from the stance foot
     ("hip_z", 0.75, 0.03),  # m
     ("phase", 0.5, 0.35),  # 1
@@ -33,18 +34,18 @@ UNITS = (  # centre and scale: what a walk of this robot spans
 
 IO_RL_CLF_QP = Problem(
     "io-rl-clf-qp",
-    INPUTS,
-    quantities=("y1", "y2", "y3", "y4"),
+    JOINTS,
+    quantities=tuple(f"y{i}" for i in range(1, JOINTS + 1)),
     observation=STATE_OBSERVATION,
     units=UNITS,
-    alpha_scale=(2.0,) * 4,
-    beta_scale=(400.0,) * 4,
-    error_scale=(50.0,) * 4,
+    alpha_scale=(2.0,) * JOINTS,
+    beta_scale=(400.0,) * JOINTS,
+    error_scale=(50.0,) * JOINTS,
     corrects_input=True,
 )
 RL_CLF_QP = Problem(
     "rl-clf-qp",
-    INPUTS,
+    JOINTS,
     quantities=("V",),
     observation=STATE_OBSERVATION,
     units=UNITS,
@@ -54,7 +55,7 @@ RL_CLF_QP = Problem(
 )
 RL_CBF_CLF_QP = Problem(
     "rl-cbf-clf-qp",
-    INPUTS,
+    JOINTS,
     quantities=("V", "B1", "B2", "C1", "C2"),
     observation=(*STATE_OBSERVATION, "l_min"),
     units=UNITS,

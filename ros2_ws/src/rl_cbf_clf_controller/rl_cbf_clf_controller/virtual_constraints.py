@@ -24,7 +24,8 @@ import numpy as np
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.functions import NumpyFunction, packed
 from cbf_clf_qp.system import System
-from rabbit_description.state import Array
+from rabbit_description.planar_urdf import BASE
+from rabbit_description.state import DOF, Array
 
 FADING = 0.04  # of the phase, in which the curvature falls to 1/e beyond an end
 POWERS, CORRECTION_POWERS = 8, 5  # coefficients of the polynomials, the highest ones zero where there are fewer
@@ -44,7 +45,7 @@ class Angles:
         return np.linalg.solve(matrix, np.append(controlled, phase_angle))
 
 
-RABBIT_ANGLES = Angles(np.eye(7)[3:], np.array([0.0, 0.0, 1.0, 1.0, 0.5, 0.0, 0.0]))
+RABBIT_ANGLES = Angles(np.eye(DOF)[BASE:], np.array([0.0, 0.0, 1.0, 1.0, 0.5, 0.0, 0.0]))
 
 
 class Path(Protocol):

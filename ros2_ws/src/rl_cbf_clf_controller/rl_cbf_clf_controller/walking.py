@@ -52,7 +52,7 @@ class Walking:
         self.outputs = OutputExpressions(self.robot.q, self.robot.dq)
         self.stone = Stone(*(ca.SX.sym(name) for name in ("l_min", "l_max", "height")))
         self.gains = {name: ca.SX.sym(name) for name in GAINS}
-        self.force, self.held = ca.SX.sym("force", 2), ca.SX.sym("held", 4)
+        self.force, self.held = ca.SX.sym("force", 2), ca.SX.sym("held", structure.motors)
         self.step_length = ca.SX.sym("step_length")  # m, that a gait library chose for the stone
 
     @cached_property

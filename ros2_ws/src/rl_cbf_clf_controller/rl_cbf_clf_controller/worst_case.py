@@ -19,7 +19,7 @@ from cbf_clf_qp.quantity import Terms
 
 from rl_cbf_clf_controller.walking import Walking
 
-FORCES = (3, 4)  # of the quantities V, B1, B2, F_N, F_T
+FORCES = ("C1", "C2")  # F_N, F_T
 
 
 def worst_cases(w: Walking, parameters: Any) -> Callable[[Terms], list[Affine]]:
@@ -29,9 +29,9 @@ def worst_cases(w: Walking, parameters: Any) -> Callable[[Terms], list[Affine]]:
         in_torque = Affine.stacked([quantity.value for quantity in terms.quantities])
         found = []
         for name in ("robust_scale_min", "robust_scale_max"):
-            scale, n = w.gains[name], in_torque.b.numel()
-            of_input = ca.vertcat(*(1 if i in FORCES else 1 / scale for i in range(n)))
-            of_drift = ca.vertcat(*(scale if i in FORCES else 1 for i in range(n)))
+            scale = w.gains[name]
+            of_input = ca.vertcat(*(1 if each in FORCES else 1 / scale for each in terms.names))
+            of_drift = ca.vertcat(*(scale if each in FORCES else 1 for each in terms.names))
             scaled = Affine(ca.diag(of_input) @ in_torque.a, of_drift * in_torque.b)
             found.append(scaled.after(terms.control) - terms.nominal)
         return found

@@ -15,7 +15,7 @@ paper` V's own difference is compared with the nominal value of the tick's start
 """
 
 from dataclasses import dataclass
-from enum import IntFlag
+from enum import IntFlag, auto
 
 import numpy as np
 from cbf_clf_qp.estimates import Estimates
@@ -34,13 +34,13 @@ class Doubt(IntFlag):
     """Why a transition may be left out of learning."""
 
     NONE = 0
-    UNMEASURED = 1  # no next output, another stance leg, or another torque than this tick's was applied
-    SETTLING = 2  # shortly after an impact; with an adaptation an episode's first step, in which the robot is found
-    FLIGHT = 4  # the stance foot carries nothing
-    SCUFF = 8  # the swing foot touches the ground
-    SATURATED = 16  # the torque limit changed mu
-    FAR = 32  # far off the gait
-    EDGE = 64  # the phase passed 0 or 1, beyond which the curvature of the desired outputs fades
+    UNMEASURED = auto()  # no next output, another stance leg, or another torque than this tick's was applied
+    SETTLING = auto()  # after an impact; with an adaptation an episode's first step, in which the robot is found
+    FLIGHT = auto()  # the stance foot carries nothing
+    SCUFF = auto()  # the swing foot touches the ground
+    SATURATED = auto()  # the torque limit changed mu
+    FAR = auto()  # far off the gait
+    EDGE = auto()  # the phase passed 0 or 1, beyond which the curvature of the desired outputs fades
 
 
 @dataclass(frozen=True)
@@ -139,7 +139,7 @@ class TransitionBuilder:
         )
 
     def _doubt(self, last: ControllerOutput, state: RobotState, output: ControllerOutput | None) -> Doubt:
-        y, dy = np.abs(last.eta[:4]).max(), np.abs(last.eta[4:]).max()
+        y, dy = np.abs(last.eta.reshape(2, -1)).max(axis=1)
         normal_force = state.foot_force[:, 1]
         acted_otherwise = np.isfinite(state.applied).all() and (state.applied != last.torque).any()  # it came late
         reasons = {

@@ -22,7 +22,17 @@ from rabbit_common.message_arrays import doubles
 from rabbit_common.message_checks import check_finite
 from rabbit_common.ros.conversions import imu_of, joints_of, nanoseconds
 from rabbit_common.ros.spin import run
-from rabbit_description.state import ACTUATED, FEET, TICK_NANOSECONDS, TICK_SECONDS, Array, BodySensors, Leg, RobotState
+from rabbit_description.state import (
+    ACTUATED,
+    DOF,
+    FEET,
+    TICK_NANOSECONDS,
+    TICK_SECONDS,
+    Array,
+    BodySensors,
+    Leg,
+    RobotState,
+)
 from rabbit_estimator.contact_aided_filter import ContactAidedFilter, EstimatorError
 from rabbit_estimator.parameters import EstimatorParameters
 from rabbit_msgs.msg import TorqueCommand
@@ -115,7 +125,7 @@ class Hardware:
         self._tick += 1
         angles = self.sensors.attitude + self.sensors.joint_angles.reshape(2, 2).sum(axis=1)  # of the shins
         force = np.array([in_world(*each) for each in zip(self.foot_force, angles, strict=True)])
-        contact, unknown = force[:, 1] > CONTACT_FORCE, np.full(7, np.nan)
+        contact, unknown = force[:, 1] > CONTACT_FORCE, np.full(DOF, np.nan)
         state = RobotState(self._tick, unknown, unknown, force, contact, 0, None, sensors=self.sensors)
         state = self._estimator.update(state)
         feet = self._feet.positions(state.q)

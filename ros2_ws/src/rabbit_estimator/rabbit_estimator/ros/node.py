@@ -23,7 +23,7 @@ from rabbit_common.ros.diagnostics import OK, WARN, Diagnostics, Status
 from rabbit_common.ros.parameters import declare, refuse_unknown
 from rabbit_common.ros.qos import EVENT, TICK
 from rabbit_common.ros.spin import run
-from rabbit_description.state import COORDINATES, BodySensors, RobotState
+from rabbit_description.state import DOF, BodySensors, RobotState
 from rabbit_msgs.msg import Episode
 from rabbit_msgs.msg import RobotState as StateMessage
 from sensor_msgs.msg import Imu, JointState
@@ -35,7 +35,7 @@ SENSORS: dict[str, tuple[Any, Callable[[Any], tuple[Any, ...]]]] = {  # by topic
     "joint_states": (JointState, encoders_of),
     "imu": (Imu, imu_of),
 }
-UNKNOWN = np.full(len(COORDINATES), np.nan)
+UNKNOWN = np.full(DOF, np.nan)
 NEWEST = 100  # messages of a sensor that are kept for their tick
 LONG = 0.5  # s that a tick may wait for its sensors
 

@@ -1,7 +1,7 @@
 """Encoders whose zero moves."""
 
 import numpy as np
-from rabbit_description.state import TICK_SECONDS
+from rabbit_description.state import JOINTS, TICK_SECONDS
 
 from rabbit_sim.perturbation import Control, Measured, Memory, Number, Perturbation, setting
 from rabbit_sim.plant import PlantReading
@@ -17,7 +17,7 @@ class EncoderDrift(Perturbation):
     )
 
     def begin(self, memory: Memory) -> None:
-        memory.direction, memory.offset = memory.rng.standard_normal(4), np.zeros(4)
+        memory.direction, memory.offset = memory.rng.standard_normal(JOINTS), np.zeros(JOINTS)
 
     def measure(self, memory: Memory, measured: Measured, reading: PlantReading) -> Measured:
         angles, rates = measured.joints

@@ -1,5 +1,7 @@
 """Encoders that count too much or too little."""
 
+from rabbit_description.state import JOINTS
+
 from rabbit_sim.perturbation import Control, Measured, Memory, Number, Perturbation, setting
 from rabbit_sim.plant import PlantReading
 
@@ -14,7 +16,7 @@ class EncoderGain(Perturbation):
     )
 
     def begin(self, memory: Memory) -> None:
-        memory.gain = 1 + self.encoder_gain_spread * memory.rng.standard_normal(4)
+        memory.gain = 1 + self.encoder_gain_spread * memory.rng.standard_normal(JOINTS)
 
     def measure(self, memory: Memory, measured: Measured, reading: PlantReading) -> Measured:
         angles, rates = measured.joints

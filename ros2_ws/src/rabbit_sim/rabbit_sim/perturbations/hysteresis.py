@@ -5,7 +5,7 @@ The friction f of a joint that turns by dx goes towards F in its direction:   df
 """
 
 import numpy as np
-from rabbit_description.state import Array
+from rabbit_description.state import JOINTS, Array
 
 from rabbit_sim.perturbation import Control, EngineNumber, Memory, Perturbation, setting
 from rabbit_sim.plant import SUBSTEP_SECONDS
@@ -23,7 +23,7 @@ class Hysteresis(Perturbation):
     )
 
     def begin(self, memory: Memory) -> None:
-        memory.friction = np.zeros(4)
+        memory.friction = np.zeros(JOINTS)
 
     def transmitted(self, memory: Memory, torque: Array, joints: Array, rates: Array) -> Array:
         turned = SUBSTEP_SECONDS * rates

@@ -1,6 +1,7 @@
 """Joints with friction, damping and springs, beside their motors."""
 
 import numpy as np
+from rabbit_description.planar_urdf import BASE
 from rabbit_description.state import Array
 
 from rabbit_sim.perturbation import Control, EngineNumber, JointTorque, Number, Perturbation, setting
@@ -36,8 +37,8 @@ class JointDamping(Perturbation):
         data = model.createData()
 
         def torque(q: Array, dq: Array) -> Array:
-            inertia: Array = pinocchio.crba(model, data, q).diagonal()[3:]
-            return -d * inertia * dq[3:]
+            inertia: Array = pinocchio.crba(model, data, q).diagonal()[BASE:]
+            return -d * inertia * dq[BASE:]
 
         return torque
 
@@ -59,4 +60,4 @@ class KneeSpring(Perturbation):
 
     def joint_torque(self, urdf: str) -> JointTorque:
         stiffness, rest = self.knee_spring * KNEES, self.knee_rest
-        return lambda q, dq: stiffness * (rest - q[3:])
+        return lambda q, dq: stiffness * (rest - q[BASE:])

@@ -4,6 +4,7 @@ from typing import Self
 
 import numpy as np
 from pydantic import model_validator
+from rabbit_description.state import DOF
 
 from rabbit_sim.perturbation import Control, Measured, Memory, Perturbation, WholeSubsteps, setting
 from rabbit_sim.plant import SUBSTEP_SECONDS, SUBSTEPS, PlantReading
@@ -30,7 +31,7 @@ class SensorJitter(Perturbation):
         return self
 
     def begin(self, memory: Memory) -> None:
-        memory.trace = np.zeros((0, 14))  # states of the last ticks, a substep apart
+        memory.trace = np.zeros((0, 2 * DOF))  # states of the last ticks, a substep apart
 
     def measure(self, memory: Memory, measured: Measured, reading: PlantReading) -> Measured:
         oldest = round(self.sensor_jitter / SUBSTEP_SECONDS)
@@ -38,4 +39,4 @@ class SensorJitter(Perturbation):
         memory.trace = np.vstack([memory.trace, path])[-oldest - SUBSTEPS :]
         age = min(int(memory.rng.integers(oldest + 1)), len(memory.trace) - 1)
         state = memory.trace[-1 - age]
-        return Measured(state[:7].copy(), state[7:].copy(), measured.foot_force)
+        return Measured(state[:DOF].copy(), state[DOF:].copy(), measured.foot_force)

@@ -10,7 +10,8 @@ from math import pi, radians
 from typing import Literal
 
 import numpy as np
-from rabbit_description.state import TICK_SECONDS, Array, BodySensors, orientation_of
+from rabbit_description.planar_urdf import BASE, SLIDES
+from rabbit_description.state import DOF, JOINTS, TICK_SECONDS, Array, BodySensors, orientation_of
 
 from rabbit_sim.perturbation import Control, Measured, Memory, Number, Perturbation, WholeSubsteps, setting
 from rabbit_sim.plant import SUBSTEP_SECONDS, SUBSTEPS, PlantReading, gravity
@@ -37,9 +38,9 @@ class Noise(Perturbation):
         rng, q, dq, force = memory.rng, measured.q, measured.dq, measured.foot_force
         if measured.body is None:
             if self.encoder_resolution > 0:
-                q[2:] = rounded(q[2:], self.encoder_resolution)
+                q[SLIDES:] = rounded(q[SLIDES:], self.encoder_resolution)
             if self.velocity_noise > 0:
-                dq[2:] += self.velocity_noise * rng.standard_normal(5)
+                dq[SLIDES:] += self.velocity_noise * rng.standard_normal(DOF - SLIDES)
         if self.force_noise > 0:
             force += self.force_noise * rng.standard_normal((2, 2))
         return Measured(q, dq, force, measured.body)
@@ -69,7 +70,7 @@ class Laboratory(Perturbation):
 
     def begin(self, memory: Memory) -> None:
         rng = memory.rng
-        memory.offset = self.encoder_offset * rng.standard_normal(4)
+        memory.offset = self.encoder_offset * rng.standard_normal(JOINTS)
         memory.gyro_bias = self.gyro_bias * rng.standard_normal()
         memory.accelerometer_bias = self.accelerometer_bias * rng.standard_normal(2)
         memory.attitude_error = self.attitude_error * rng.standard_normal()
@@ -87,22 +88,22 @@ class Laboratory(Perturbation):
             memory.attitude_error += TICK_SECONDS * (memory.gyro_bias + self.gyro_noise * rng.standard_normal())
             specific_force = mean_specific_force(path, gravity(p.slope))
             specific_force += memory.accelerometer_bias + self.accelerometer_noise * rng.standard_normal(2)
-        angles = rounded(path[-RATE_SAMPLES:, 3:7] + memory.offset, p.encoder_resolution or ENCODER_STEP)
+        angles = rounded(path[-RATE_SAMPLES:, BASE:DOF] + memory.offset, p.encoder_resolution or ENCODER_STEP)
         body = BodySensors(
             joint_angles=angles[-1],
             joint_rates=(angles[-1] - angles[0]) / ((RATE_SAMPLES - 1) * SUBSTEP_SECONDS),
             orientation=orientation_of(path[-1, 2] - radians(p.slope) + memory.attitude_error),  # from the vertical
-            pitch_rate=float(path[-1, 9] + memory.gyro_bias + self.gyro_noise * rng.standard_normal()),
+            pitch_rate=float(path[-1, DOF + SLIDES] + memory.gyro_bias + self.gyro_noise * rng.standard_normal()),
             specific_force=specific_force,
         )
-        unknown = np.full(7, np.nan)
+        unknown = np.full(DOF, np.nan)
         return Measured(unknown, unknown.copy(), measured.foot_force, body)
 
 
 def until(state: Array) -> Array:
     """Path to `state` (14,) of more than a tick, in which all moved as it does in the end, (12, 14)."""
     back = np.arange(-SUBSTEPS - 1, 1)[:, None] * SUBSTEP_SECONDS
-    return np.hstack([state[:7] + back * state[7:], np.tile(state[7:], (len(back), 1))])
+    return np.hstack([state[:DOF] + back * state[DOF:], np.tile(state[DOF:], (len(back), 1))])
 
 
 def mean_specific_force(path: Array, fall: tuple[float, float]) -> Array:
@@ -110,7 +111,7 @@ def mean_specific_force(path: Array, fall: tuple[float, float]) -> Array:
 
     Shape (2,), torso frame (forward, up), m/s^2.
     """
-    gained = np.diff(path[:, 7:9], axis=0) / SUBSTEP_SECONDS - fall
+    gained = np.diff(path[:, DOF : DOF + SLIDES], axis=0) / SUBSTEP_SECONDS - fall
     pitch = (path[1:, 2] + path[:-1, 2]) / 2
     c, s = np.cos(pitch), np.sin(pitch)
     forward, up = c * gained[:, 0] - s * gained[:, 1], s * gained[:, 0] + c * gained[:, 1]

@@ -2,7 +2,7 @@
 
 from math import exp
 
-from rabbit_description.state import TICK_SECONDS
+from rabbit_description.state import JOINTS, TICK_SECONDS
 
 from rabbit_sim.perturbation import Control, Measured, Memory, Number, Perturbation, setting
 from rabbit_sim.plant import PlantReading
@@ -30,7 +30,7 @@ class StuckEncoders(Perturbation):
         angles, rates = measured.joints
         if not memory.ticks and memory.rng.random() < 1 - exp(-TICK_SECONDS / FREE_SECONDS):
             memory.ticks = max(round(self.stuck_seconds / TICK_SECONDS), 1)
-            memory.joint = int(memory.rng.integers(4))
+            memory.joint = int(memory.rng.integers(JOINTS))
             memory.angle = float(angles[memory.joint])
         if memory.ticks:
             memory.ticks -= 1

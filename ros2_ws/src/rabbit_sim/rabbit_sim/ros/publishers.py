@@ -17,7 +17,7 @@ from rabbit_common.ros.conversions import (
 )
 from rabbit_common.ros.qos import EVENT, TICK
 from rabbit_common.ros.robot_frames import RobotFrames
-from rabbit_description.state import FEET, LAYOUT, RobotState, StonePreview
+from rabbit_description.state import FEET, LAYOUT, Leg, RobotState, StonePreview
 from rabbit_msgs.msg import Episode
 from rabbit_msgs.msg import Landing as LandingMessage
 from rabbit_msgs.msg import RobotState as StateMessage
@@ -101,7 +101,8 @@ class SimulatorPublishers:
             self._frames.publish(self._message)
         for foot, publisher in enumerate(self._wrenches):
             if publisher.get_subscription_count():
-                angle = float(reading.q[2] + reading.q[3 + 2 * foot] + reading.q[4 + 2 * foot])
+                hip, knee = reading.q[Leg(foot).joints]
+                angle = float(reading.q[2] + hip + knee)
                 publisher.publish(foot_wrench(state.foot_force[foot], angle, foot, at))
         for landing in landings[self._landings_sent :]:
             fields = {name: getattr(landing, name) for name in ("tick", "index", "l", "l_min", "l_max", "on_stone")}

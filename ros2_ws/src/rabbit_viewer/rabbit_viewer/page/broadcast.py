@@ -10,6 +10,8 @@ from functools import partial
 from threading import Lock
 from typing import Any
 
+from rabbit_viewer.page.rows import NUMBER
+
 OF_AN_EPISODE = ("ended", "swap", "note", "explained")  # words that the next one makes void
 KEPT_BYTES = 64_000_000  # of an episode's rows; the older half goes when there are more
 
@@ -88,7 +90,7 @@ class Broadcast:
     @property
     def _row_bytes(self) -> int:
         about = json.loads(self._words["about"][1])
-        return 4 * sum(len(walker["columns"]) for walker in about["walkers"])
+        return NUMBER.itemsize * sum(len(walker["columns"]) for walker in about["walkers"])
 
     def _say(self, kind: str, word: dict[str, Any]) -> None:
         self._spoken += 1

@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 from cbf_clf_qp.constraints import ResClf
 from rabbit_description.force_ratio import force_ratio
-from rabbit_description.state import ACTUATED, TICK_SECONDS, Array, Leg
+from rabbit_description.state import ACTUATED, JOINTS, TICK_SECONDS, Array, Leg
+from rabbit_experiments.metrics import IMPACT_TICKS
 
 from rabbit_viewer.geometry import STRAIGHT, Links, leg_points, links_of, torso_points
 
@@ -28,10 +29,9 @@ FIXED = (
     *(f"torque_{joint}" for joint in ACTUATED),
 )
 EVENTS = {"saturated": 1, "over_cone": 2, "pushed": 4, "swapped": 8}  # bits of the column `events`
-IMPACT_TICKS = 4  # of a step's beginning, whose mean force holds some of the impact
 ROUNDING = 1e-6  # N m
+NUMBER = np.dtype("<f4")  # as the page reads it
 LIMIT = re.compile(r"u\d+")  # the row of an input's limit
-JOINTS = 4  # outputs of the CLF
 
 
 class RowMaker:
@@ -119,9 +119,9 @@ class RowMaker:
 
 
 def packed(rows: Sequence[float]) -> bytes:
-    """Rows as float32, as the page reads them; a number beyond float32 is infinite there, and is not drawn."""
+    """Rows of `NUMBER`; a number beyond float32 is infinite there, and is not drawn."""
     with np.errstate(over="ignore"):
-        return np.asarray(rows, dtype="<f4").tobytes()
+        return np.asarray(rows, dtype=NUMBER).tobytes()
 
 
 def body_points(q: Array, links: Links = STRAIGHT) -> Array:

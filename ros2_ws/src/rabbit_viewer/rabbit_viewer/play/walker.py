@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from cbf_clf_qp.estimates import Estimates
+from rabbit_description.state import JOINTS
 from rabbit_experiments.assembly import Assembly, resolve_policy
 from rabbit_experiments.walk_records import WalkRecords, about_walk, plant_in_words
 from rabbit_recording.explaining import ExplainedTick
@@ -30,7 +31,7 @@ CLEAR_HEIGHT = 0.01  # m, of a swing foot that is well in the air
 LIMP_TICKS = 150  # of a robot that no controller moves any more, at most
 LYING = 0.2  # m, of hip or head above the ground
 NOTHING = np.full(2, np.nan)
-NONE = Estimates.zero(1, 4)  # before the oracle nobody has estimated
+NONE = Estimates.zero(1, JOINTS)  # before the oracle nobody has estimated
 RUNNING = 1  # column of a row
 KEPT_TICKS = 6_000  # a minute: a tick takes some 10 kB
 
@@ -178,7 +179,7 @@ class Walker:
         if self._output.torque.any():
             nothing: Any = dict.fromkeys(("V", "clf_slack", "rescue_slack"), np.nan)
             unknown = {name: getattr(self._output, name) * np.nan for name in ("barriers", "margins")}
-            self._output = replace(self._output, torque=np.zeros(4), **unknown, **nothing)
+            self._output = replace(self._output, torque=np.zeros(JOINTS), **unknown, **nothing)
 
     def _change(self, plant: SimulationParameters) -> None:
         reading = self._simulation.reading
