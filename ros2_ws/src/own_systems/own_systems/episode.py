@@ -55,6 +55,11 @@ class Ride:
     impacts: int = 0
 
     @property
+    def title(self) -> str:
+        """Of its pictures."""
+        return f"{self.task.name}, {self.controller}, seed {self.seed}: {self.outcome}"
+
+    @property
     def margins(self) -> Array:
         """Of each barrier over the ride, in its unit; -inf after a failure."""
         if self.outcome != "done":

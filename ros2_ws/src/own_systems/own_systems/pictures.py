@@ -1,6 +1,7 @@
 """Pictures of rides: margins of many, all rows of one with their limits, and a film of what `draw` makes of it."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from rabbit_viewer import style
 from rabbit_viewer.video import FRAME_RATE, encode
 
 from own_systems.episode import Moment, Ride
-from own_systems.shapes import Line
+from own_systems.shapes import Line, Shape
 from own_systems.task import ControlTask
 
 COLOURS = (style.BLUE, style.ORANGE, style.GREEN, style.PURPLE, style.SKY)
@@ -41,60 +42,81 @@ def draw_margins(task: ControlTask, rides: Mapping[str, Sequence[Ride]], path: P
         return style.save(figure, path)
 
 
+@dataclass(frozen=True)
+class Panel:
+    """Some rows of a ride: `values` (ticks, k) of `names` (k,), and limits, in their own units."""
+
+    name: str
+    names: Sequence[str]
+    values: Array
+    limits: tuple[float, ...] = ()
+
+
+def panels_of(ride: Ride) -> list[Panel]:
+    """Barriers, V, inputs with their limit, slacks; of rows with one name, such as both bounds', the greatest slack."""
+    task, moments = ride.task, ride.moments
+    panels = []
+    if task.barriers:
+        names = [each.name for each in task.barriers]
+        panels.append(Panel("barriers", names, np.array([m.barriers for m in moments]), (0.0,)))
+    limits = () if task.limit is None else (task.limit, -task.limit)
+    inputs = Panel("u", task.names_of_u, np.array([m.u for m in moments]), limits)
+    decided = [m.decided for m in moments if m.decided]
+    if len(decided) < len(moments):
+        return [*panels, inputs]
+    if "V" in task.tick.names:
+        panels.append(Panel("V", ["V"], np.array([m.seen.V for m in moments])))
+    slacks, rows = np.array([each.values.slack for each in decided]), np.array(task.tick.layout.names)
+    names = list(dict.fromkeys(rows.tolist()))
+    greatest = np.column_stack([slacks[:, rows == name].max(axis=1) for name in names])
+    return [*panels, inputs, Panel("slack", names, greatest)]
+
+
 def draw_ride(ride: Ride, path: Path) -> Path:
-    """Barriers, V, inputs with their limit, slacks over time."""
-    task, time = ride.task, np.array([each.time for each in ride.moments])
-    decided = [each.decided.values.slack if each.decided else np.zeros(0) for each in ride.moments]
-    has_qp = all(each.decided for each in ride.moments)
-    has_clf = has_qp and "V" in task.tick.names
-    wanted = {"barriers": bool(task.barriers), "V": has_clf, "u": True, "slack": has_qp}
-    rows = [name for name, is_there in wanted.items() if is_there]
+    """The panels over time."""
+    time, panels = [each.time for each in ride.moments], panels_of(ride)
     with style.look():
-        figure, panels = style.figure(len(rows), height=1.9)
-        axes = dict(zip(rows, panels, strict=True))
-        if task.barriers:
-            plot(axes["barriers"], time, np.array([m.barriers for m in ride.moments]), [b.name for b in task.barriers])
-            style.limit(axes["barriers"], 0.0, "limit")
-        plot(axes["u"], time, np.array([m.u for m in ride.moments]), task.names_of_u)
-        if task.limit is not None:
-            style.limit(axes["u"], task.limit, "limit")
-            style.limit(axes["u"], -task.limit, "")
-        if has_clf:
-            plot(axes["V"], time, np.array([m.seen.V for m in ride.moments]), ["V"])
-        if has_qp:
-            plot(axes["slack"], time, np.array(decided), task.tick.layout.names)
-        for name, each in axes.items():
-            each.set_ylabel(name)
-            style.legend(each, 5)
-        panels[-1].set_xlabel("time (s)")
-        figure.suptitle(f"{task.name}, {ride.controller}, seed {ride.seed}: {ride.outcome}")
+        figure, places = style.figure(len(panels), height=1.9)
+        for panel, axes in zip(panels, places, strict=True):
+            for i, (name, values) in enumerate(zip(panel.names, panel.values.T, strict=True)):
+                axes.plot(time, values, color=COLOURS[i % len(COLOURS)], label=name)
+            for i, limit in enumerate(panel.limits):
+                style.limit(axes, limit, "" if i else "limit")
+            axes.set_ylabel(panel.name)
+            style.legend(axes, 5)
+        places[-1].set_xlabel("time (s)")
+        figure.suptitle(ride.title)
         return style.save(figure, path)
 
 
-def plot(axes: Axes, time: Array, values: Array, names: Sequence[str]) -> None:
-    """Columns over time; of rows with one name, such as slacks of both bounds, the greatest."""
-    for i, name in enumerate(dict.fromkeys(names)):
-        columns = [k for k, each in enumerate(names) if each == name]
-        axes.plot(time, values[:, columns].max(axis=1), color=COLOURS[i % len(COLOURS)], label=name)
+def drawn(ride: Ride, seconds: float = np.inf) -> tuple[int, list[Sequence[Shape]]]:
+    """What `draw` makes of every so many ticks: how many, and the pictures of the first `seconds`."""
+    task = ride.task
+    assert task.draw
+    step = max(1, round(1 / (FRAME_RATE * task.seconds)))
+    shown = ride.moments[: round(min(seconds, task.duration) / task.seconds) : step]
+    return step, [task.draw(m.x, dict(zip(task.system.named, m.p, strict=True))) for m in shown]
+
+
+def box_of(shapes: Sequence[Shape]) -> Array:
+    """The corners (2, 2) of what holds all of them, and some room."""
+    corners = np.concatenate([corners_of(shape) for shape in shapes])
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    room = ROOM * (high - low).max()
+    return np.array([low - room, high + room])
 
 
 def film(ride: Ride, path: Path) -> list[Path]:
     """What `draw` makes of each state of the first 12 s, in axes that hold all of it; raises `VideoError`."""
-    task = ride.task
-    assert task.draw
-    step = max(1, round(1 / (FRAME_RATE * task.seconds)))
-    shown = ride.moments[: round(FILM_SECONDS / task.seconds) : step]
-    drawn = [task.draw(m.x, dict(zip(task.system.named, m.p, strict=True))) for m in shown]
-    titles = [title_of(ride, m) for m in shown]
-    corners = np.concatenate([points for shapes in drawn for points in map(corners_of, shapes)])
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    room = ROOM * (high - low).max()
+    step, pictures = drawn(ride, FILM_SECONDS)
+    titles = [title_of(ride, m) for m in ride.moments[::step][: len(pictures)]]
+    (left, bottom), (right, top) = box_of([shape for shapes in pictures for shape in shapes])
     size = round(FILM_INCHES * FILM_DPI)
     with style.look():
         figure, (axes,) = style.figure(1, FILM_INCHES, FILM_INCHES)
         figure.set_dpi(FILM_DPI)
-        limits: dict[str, Any] = {"xlim": (low[0] - room, high[0] + room), "ylim": (low[1] - room, high[1] + room)}
-        return encode(frames(figure, axes, drawn, titles, limits), (size, size), path)
+        limits: dict[str, Any] = {"xlim": (left, right), "ylim": (bottom, top)}
+        return encode(frames(figure, axes, pictures, titles, limits), (size, size), path)
 
 
 def title_of(ride: Ride, moment: Moment) -> str:
@@ -104,7 +126,7 @@ def title_of(ride: Ride, moment: Moment) -> str:
     return "\n".join([f"{ride.task.name}, {ride.controller}, {moment.time:.1f} s", *told])
 
 
-def corners_of(shape: Any) -> Array:
+def corners_of(shape: Shape) -> Array:
     """Points (k, 2) that a picture must hold."""
     if isinstance(shape, Line):
         return np.asarray(shape.points, dtype=float)

@@ -3,7 +3,7 @@
 import json
 from array import array
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,13 +14,13 @@ from rabbit_common.message_arrays import array_of, doubles
 from rabbit_common.message_checks import Refused
 from rabbit_recording import RecordingError
 from rabbit_recording.bag_writer import BagWriter, graph_types
-from rabbit_recording.reader import messages
+from rabbit_recording.reader import iterate_inventories, messages
 from rl_cbf_clf_controller.policy import ActorPolicy
 from rl_cbf_clf_controller.weights import PolicyFileError, decode
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 
 from own_systems import messages as fields
-from own_systems.episode import NOMINAL, Controlling, Ride, Rider
+from own_systems.episode import NOMINAL, Controlling, Moment, Ride, Rider
 from own_systems.task import ControlTask
 
 RUNNING, ENDED = 1, 3  # phases of rabbit_msgs/Episode
@@ -96,10 +96,11 @@ def offered(latched: bool) -> Qos:
 
 @dataclass(frozen=True)
 class RecordedTick:
-    """What was measured and commanded at a tick, and the answer: x (n,), p (k,), u (m,), by whom."""
+    """What was measured and commanded at a tick, and the answer: x (n,), impacts so far, p (k,), u (m,), by whom."""
 
     episode: int
     tick: int
+    impacts: int
     x: Array
     p: Array
     u: Array
@@ -131,30 +132,53 @@ def recorded_ticks(task: ControlTask, path: Path, policies: dict[str, bytes]) ->
                 x, p = fields.state_of(task, state), fields.parameters_of(task, parameters)
             except Refused as error:
                 raise RecordingError(f"recording {path}: tick {turn}: {error}") from error
-            yield RecordedTick(*turn, x, p, u, torque.policy_version)
+            yield RecordedTick(*turn, state.touchdowns, x, p, u, torque.policy_version)
+
+
+def replayed(task: ControlTask, path: Path) -> Iterator[tuple[RecordedTick, Moment]]:
+    """Each recorded tick, and what its controller makes of it again.
+
+    Raises `RecordingError`, also where a policy is not in it or not for this task, or no tick of the task.
+    """
+    rider, policies, by = Rider(task), dict[str, bytes](), None
+    controlling: Controlling = NOMINAL
+    for tick in recorded_ticks(task, path, policies):
+        if tick.by != by or not tick.tick:
+            by, controlling = tick.by, recorded_controller(rider, path, tick.by, policies)
+            rider.begin(controlling)
+        time, nothing = tick.tick * task.seconds, np.zeros(rider.problem.inputs)
+        yield tick, rider.moment(controlling, time, tick.x, tick.p, nothing)
+    if by is None:
+        raise RecordingError(f"recording {path}: no tick of {task.name} in it")
 
 
 def differing(task: ControlTask, path: Path) -> tuple[int, list[int], float]:
     """How many ticks were replayed, which did not come out to the bit, and by how much at most (in the input's unit).
 
-    Raises `RecordingError`, also where a policy is not in it or not for this task.
+    Raises `RecordingError`, as `replayed`.
     """
-    rider, policies = Rider(task), dict[str, bytes]()
-    by: str | None = None
-    controlling: Controlling = NOMINAL
     count, wrong, furthest = 0, list[int](), 0.0
-    for tick in recorded_ticks(task, path, policies):
-        if tick.by != by or not tick.tick:
-            by, controlling = tick.by, recorded_controller(rider, path, tick.by, policies)
-            rider.begin(controlling)
-        u = rider.moment(controlling, 0.0, tick.x, tick.p, np.zeros(rider.problem.inputs)).u
+    for tick, moment in replayed(task, path):
         count += 1
-        if off := float(np.abs(u - tick.u).max()):
+        if off := float(np.abs(moment.u - tick.u).max()):
             wrong.append(tick.tick)
             furthest = max(furthest, off)
-    if not count:
-        raise RecordingError(f"recording {path}: no tick of {task.name} in it")
     return count, wrong, furthest
+
+
+def recorded_ride(task: ControlTask, path: Path, number: int | None = None) -> Ride:
+    """Episode `number`, or the last one that has ticks, with its recorded inputs; raises `RecordingError`."""
+    ride, newest = None, None
+    for tick, moment in replayed(task, path):
+        if number in (None, tick.episode):
+            if ride is None or tick.episode != newest:
+                ride, newest = Ride(task, tick.by, 0), tick.episode
+            ride.moments.append(replace(moment, u=tick.u, impacts=tick.impacts))
+    if ride is None:
+        raise RecordingError(f"recording {path}: no tick of episode {number} in it")
+    said = next(each for each in iterate_inventories(path) if each.number == newest)
+    ride.seed, ride.outcome, ride.impacts = said.seed, said.outcome or "not recorded to its end", said.touchdowns
+    return ride
 
 
 def recorded_controller(rider: Rider, path: Path, by: str, policies: dict[str, bytes]) -> Controlling:

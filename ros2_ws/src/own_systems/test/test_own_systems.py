@@ -14,9 +14,10 @@ from own_systems import ControlTask, TaskError, recording
 from own_systems.commands.system import app
 from own_systems.episode import Rider
 from own_systems.loading import load_task
-from own_systems.recording import RideWriter, differing
+from own_systems.recording import RideWriter, differing, recorded_ride
 from own_systems.training import measured_problem, train, write
 from rabbit_recording import RecordingError
+from rabbit_recording.commands.bag import app as bag_app
 from rabbit_recording.contents import contents
 from scipy.linalg import expm
 from typer.testing import CliRunner
@@ -192,9 +193,29 @@ def test_a_recording_of_another_system_is_refused(task, tmp_path):
         differing(other, tmp_path / "bag")
 
 
-def typed(*words):
+@pytest.mark.parametrize("seconds", [0.005, 1 / 300, 0.02])
+def test_no_tick_counts_as_lost_however_long_it_is(task, seconds, tmp_path):
+    ride = Rider(replace(task, seconds=seconds)).ride("nominal", 1)
+    RideWriter(ride, tmp_path / "bag").write(None)
+    (episode,) = contents(tmp_path / "bag").episodes
+    assert (episode.recorded, episode.lost) == (len(ride.moments), 0)
+
+
+def test_a_recorded_ride_is_the_ride(task, tmp_path):
+    ridden = Rider(task).ride("oracle", 3)
+    RideWriter(ridden, tmp_path / "bag").write(None)
+    again = recorded_ride(task, tmp_path / "bag")
+    assert (again.seed, again.outcome, again.controller) == (3, "done", "oracle")
+    for name in ("x", "u", "p", "barriers", "time"):
+        found = [[getattr(each, name) for each in ride.moments] for ride in (ridden, again)]
+        np.testing.assert_allclose(*found, rtol=0, atol=1e-15)
+    with pytest.raises(RecordingError, match="no tick of episode 2"):
+        recorded_ride(task, tmp_path / "bag", 2)
+
+
+def typed(*words, of=app):
     """A command's exit code, and what it printed."""
-    result = CliRunner().invoke(app, [str(word) for word in words])
+    result = CliRunner().invoke(of, [str(word) for word in words])
     return result.exit_code, result.output
 
 
@@ -211,7 +232,21 @@ def test_the_commands(cart, task, tmp_path):
     code, said = typed("ride", cart, "--controller", "oracle", "--out", tmp_path / "r")
     assert code == 0, said
     assert {path.name for path in (tmp_path / "r").iterdir()} >= {"recording", "rows.png", "ride.mp4"}
-    assert typed("check", tmp_path / "r" / "recording", cart) == (0, "300 ticks replayed, inputs identical\n")
+    assert typed("check", tmp_path / "r" / "recording", cart) == (0, "300 ticks replayed, 0 lost, inputs identical\n")
+    bag = tmp_path / "r" / "recording"
+    assert typed("check", bag, "--task", cart, of=bag_app) == (0, "300 ticks replayed, 0 lost, inputs identical\n")
+    code, said = typed("check", bag, of=bag_app)
+    assert (code, "give `--task`" in said) == (2, True)
+    code, said = typed("plot", bag, "--task", cart, "--out", tmp_path / "p", of=bag_app)
+    assert (code, (tmp_path / "p" / "rows.png").read_bytes()) == (0, (tmp_path / "r" / "rows.png").read_bytes()), said
+    code, said = typed("show", bag, "--task", cart, "--export", tmp_path / "ride.html", of=bag_app)
+    assert code == 0, said
+    told = json.loads((tmp_path / "ride.html").read_text().split('id="ride">')[1].split("</script>")[0])
+    assert told["title"].startswith("cart, oracle, seed 1: done")
+    assert {panel["name"]: panel["limits"] for panel in told["panels"]} == {
+        **{"barriers": [0.0], "V": [], "u": [LIMIT, -LIMIT], "slack": []}
+    }
+    assert (len(told["time"]), len(told["pictures"]) * told["step"]) == (300, 300)
     cart.write_text(CART.replace("(4.0, 4.0)", "(4.0, 5.0)"))
     code, said = typed("check", tmp_path / "r" / "recording", cart)
     assert code == 1

@@ -5,6 +5,7 @@ one of its states is. Announcements are latched: a recorder that is started late
 were over by then.
 """
 
+import math
 from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -12,7 +13,7 @@ from enum import StrEnum
 from heapq import heappop, heappush
 from typing import Any
 
-from rabbit_description.state import TICK_NANOSECONDS, StonePreview, newest_preview
+from rabbit_description.state import TICK_SECONDS, StonePreview, newest_preview
 
 from rabbit_recording.stored_messages import StoredMessage
 
@@ -21,6 +22,8 @@ BY_TICK = ("state", "torque", *DETAILS)
 OTHERS = ("preview", "landing", "episode", "timing")
 ENDED = 3  # phase in rabbit_msgs/Episode
 NEIGHBOURS = 2  # episodes back, of which messages may still come
+LEAST_TICK = 1e-6  # s
+BEGINNING_DIGITS = 3  # of the time of tick 0, in ticks: a stamp is rounded to ns
 MOST_CLAIMS = 8  # messages kept that claim to be one; more controllers are in no graph
 MOST_UNHEARD = 1000  # episodes between recorded ones; more are a damaged number
 UNANSWERED = ("silent", "fault", "reset")  # outcomes that may come before the controller's last answer
@@ -76,14 +79,13 @@ class Gathered:
         self.landings: dict[int, Any] = {}
         self.announced: Any = None  # the newest announcement
         self._in_real_time = False
-        self._by_beginning: dict[int, Claims] = defaultdict(lambda: {name: {} for name in BY_TICK})
+        self._heard: dict[str, dict[tuple[int, int], list[StoredMessage]]]  # by topic; by tick and stamp, ns
+        self._heard = {name: {} for name in BY_TICK}
 
     def add(self, message: StoredMessage) -> None:
         """Take in one; what comes again, byte by byte, counts once."""
         if message.topic in BY_TICK:
-            tick = message.turn[1]
-            begin = message.stamp - tick * TICK_NANOSECONDS
-            here = self._by_beginning[begin][message.topic].setdefault(tick, [])
+            here = self._heard[message.topic].setdefault((message.turn[1], message.stamp), [])
             if len(here) < MOST_CLAIMS and all(message.data != each.data for each in here):
                 here.append(message)
         elif message.topic == "timing":
@@ -105,10 +107,21 @@ class Gathered:
     @property
     def ticks(self) -> dict[str, dict[int, StoredMessage]]:
         """Messages by topic and tick. All count from one beginning; what does not was not the graph's own."""
-        empty: Claims = {name: {} for name in BY_TICK}
-        most = max(self._by_beginning.values(), key=lambda found: sum(map(len, found.values())), default=empty)
+        by_beginning: dict[float, Claims] = defaultdict(no_claims)
+        tick_nanoseconds = self._tick_nanoseconds
+        for topic, found in self._heard.items():
+            for (tick, stamp), claims in found.items():
+                begin = round(stamp / tick_nanoseconds - tick, BEGINNING_DIGITS)
+                by_beginning[begin][topic].setdefault(tick, []).extend(claims)
+        most = max(by_beginning.values(), key=lambda found: sum(map(len, found.values())), default=no_claims())
         own = {topic: {tick: self._own(claims) for tick, claims in found.items()} for topic, found in most.items()}
         return {topic: {tick: each for tick, each in found.items() if each} for topic, found in own.items()}
+
+    @property
+    def _tick_nanoseconds(self) -> float:
+        """As announced; in a former recording, or where it cannot be, RABBIT's."""
+        seconds = getattr(self.announced, "tick_seconds", TICK_SECONDS)
+        return 1e9 * (seconds if LEAST_TICK <= seconds < math.inf else TICK_SECONDS)
 
     def _own(self, claims: list[StoredMessage]) -> StoredMessage | None:
         """Of what claims to be one message, that of the controller whose torques acted; None: it is only another's."""
@@ -153,6 +166,11 @@ class Gathered:
             may_be_silent = topic != "state" and (self._in_real_time or said.outcome in UNANSWERED)
             end = end if may_be_silent else max(end, said.tick)
         return range(0 if is_followed else min(there, default=end), end)
+
+
+def no_claims() -> Claims:
+    """Of any topic."""
+    return {name: {} for name in BY_TICK}
 
 
 def missing(spans: Mapping[str, range], there: Mapping[str, Mapping[int, Any]]) -> int:

@@ -1,7 +1,7 @@
-"""Messages of recordings that were made before the messages had a `std_msgs/Header`, as those of today.
+"""Messages of former recordings as those of today.
 
-Their definitions are in the recordings. Then a message began with a bare stamp, arrays had RABBIT's lengths, and a
-`ControllerState` also held what is now in `LearnerTerms`. Those of version 0.1 had fewer fields still, which get what
+Their definitions are in the recordings. Before messages had a `std_msgs/Header`, they began with a bare stamp, arrays
+had RABBIT's lengths, and a `ControllerState` also held what is now in `LearnerTerms`. Fields that came later get what
 their absence meant.
 """
 
@@ -11,7 +11,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from rabbit_description.state import LAYOUT
+from rabbit_description.state import LAYOUT, TICK_SECONDS
 from rl_cbf_clf_controller.message_fields import STONE_BARRIERS, bounded_fields
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection
@@ -20,12 +20,23 @@ from rosbags.typesys.store import Typestore
 NEW_KINDS = {"rabbit_msgs/msg/RabbitState": "rabbit_msgs/msg/RobotState"}
 STAMP = "stamp"  # first field of a former message
 EMPTY_FRAME = b"\1\0\0\0" + bytes(4)  # a header's end: no name, padded so that what follows stays aligned
-OLDER = {"sender": "", "controller": "", "refused_controller": "", "height": 0.0}  # fields that the first had not
+OLDER = {  # fields that older messages have not
+    **{"sender": "", "controller": "", "refused_controller": "", "height": 0.0},
+    "tick_seconds": TICK_SECONDS,
+}
 
 
 def is_former(reader: AnyReader, kind: str) -> bool:
     """Whether a type of the recording is of a former version."""
     return kind.startswith("rabbit_msgs/") and [name for name, _ in reader.typestore.fielddefs[kind][1]][:1] == [STAMP]
+
+
+def lacks_fields(reader: AnyReader, kind: str, today: Typestore) -> bool:
+    """Whether a type of the recording is today's but for some of `OLDER`."""
+    if kind not in today.fielddefs:
+        return False
+    then, now = ({name for name, _ in store.fielddefs[kind][1]} for store in (reader.typestore, today))
+    return then < now and now - then <= OLDER.keys()
 
 
 def parts(name: str) -> tuple[str, ...]:
@@ -41,9 +52,10 @@ def renewed_bytes(data: bytes) -> bytes:
 def renewed(decode: Callable[[], Any]) -> Any:
     """A message with the fields of today's; of a `ControllerState`, also those of `LearnerTerms`."""
     now = {**OLDER, **vars(decode())}
-    now["header"] = SimpleNamespace(stamp=now.pop(STAMP), frame_id="world")
+    if STAMP in now:
+        now["header"] = SimpleNamespace(stamp=now.pop(STAMP), frame_id="world")
     if "outcome" in now:
-        now |= {name: list(names) for name, names in LAYOUT.items()}
+        now = {name: list(names) for name, names in LAYOUT.items()} | now
     if "clf" in now:
         V, barriers, rates = (now.pop(name) for name in ("clf", "barriers", "barrier_rates"))
         names = STONE_BARRIERS if np.isfinite(barriers).all() else ()  # else the ground was flat
@@ -58,7 +70,8 @@ class Renewal:
 
     def __init__(self, reader: AnyReader, today: Typestore) -> None:
         self._reader, self._today = reader, today
-        self.former = {c.msgtype for c in reader.connections if is_former(reader, c.msgtype)}
+        kinds = {c.msgtype for c in reader.connections}
+        self.former = {kind for kind in kinds if is_former(reader, kind) or lacks_fields(reader, kind, today)}
 
     def topics(self, connection: Connection) -> dict[str, str]:
         """The types of the topics, by full name, that a recorded one is of."""

@@ -131,7 +131,7 @@ def _decoded(gathered: Gathered, inventory: EpisodeInventory, announced: _Announ
         details, terms = (each and each.decode() for each in (ticks[topic].get(tick) for topic in DETAILS))
         if len(state.q) != DOF:
             raise RecordingError(
-                f"{len(state.q)} coordinates: no robot of ours; `rabbit system check` replays a task's"
+                f"{len(state.q)} coordinates: no robot of ours; give `--task` if it is of a system of your own"
             )
         stone, version, controller = state.touchdowns + 1, torque.policy_version, torque.sender
         if stone not in previews:

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from ament_index_python.packages import get_package_share_directory
 from rabbit_description.gait import load_gait
-from rabbit_description.state import LAYOUT
+from rabbit_description.state import LAYOUT, TICK_SECONDS
 from rabbit_recording.bag_writer import BagWriter, graph_types
 from rabbit_recording.open_recording import opened
 from rabbit_sim.parameters import SimulationParameters
@@ -60,6 +60,7 @@ WHO = {
     "controller": CONTROLLER,
     "refused_controller": "",
     **{name: list(names) for name, names in LAYOUT.items()},
+    "tick_seconds": TICK_SECONDS,
 }  # in messages that say so
 
 

@@ -6,15 +6,19 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rabbit_recording.bag_writer import BagWriter
+from rabbit_description.state import ACTUATED, TICK_SECONDS
+from rabbit_recording.bag_writer import BagWriter, graph_types
 from rabbit_recording.checking import check_episodes
 from rabbit_recording.contents import contents
+from rabbit_recording.former_messages import Renewal
 from rabbit_recording.open_recording import opened
 from rabbit_recording.reader import messages, read_episodes
 from rabbit_recording.recover import recover
+from recorded_walk import MESSAGES, SEED, TYPES
 from rosbags.interfaces import ConnectionExtRosbag2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+EPISODE = "rabbit_msgs/msg/Episode"
 DATA = Path(__file__).parent / "data"
 NEW_FIELDS = ("sender", "controller", "refused_controller")  # the first recordings had none
 WALKED = {"former_best": {1: (1, 166)}, "former_trained": {1: (2, 46), 2: (3, 56)}}  # seed, ticks
@@ -79,6 +83,40 @@ def test_one_made_before_controllers_had_names_is_read(tmp_path: Path) -> None:
     checked = list(check_episodes(path))
     assert [(e.episode.controller, e.replayed) for e in checked] == [("", 46), ("", 56)]
     assert max(e.furthest for e in checked) <= ROUNDING
+
+
+def test_one_made_before_episodes_said_how_long_a_tick_is(write_bag: Any, tmp_path: Path) -> None:
+    path = without_tick_seconds(write_bag(tmp_path / "now"), tmp_path / "then")
+    (episode,) = contents(path).episodes
+    assert (episode.recorded > 0, episode.lost) == (True, 0)
+    with opened(path) as reader:
+        renewal = Renewal(reader, TYPES)
+        assert renewal.former == {EPISODE}
+        told = [
+            renewal.messages(each, data)[each.topic] for each, _, data in reader.messages() if each.msgtype == EPISODE
+        ]
+    again: list[Any] = [TYPES.deserialize_cdr(data, EPISODE) for data in told]
+    assert [(each.seed, each.tick_seconds, tuple(each.joints)) for each in again] == [
+        (SEED, TICK_SECONDS, ACTUATED)
+    ] * 2
+
+
+def without_tick_seconds(recording: Path, out: Path) -> Path:
+    """The recording with episodes as they were before they had the field."""
+    types = graph_types([MESSAGES])
+    text = (MESSAGES / "msg" / "Episode.msg").read_text().replace("float64 tick_seconds", "# ")
+    del types.fielddefs[EPISODE], types.types[EPISODE]
+    types.register(get_types_from_msg(text, EPISODE))
+    with opened(recording) as reader:
+        writer = BagWriter(out, types)
+        for each in reader.connections:
+            assert isinstance(each.ext, ConnectionExtRosbag2)
+            writer.add(each.topic, each.msgtype, each.ext.offered_qos_profiles)
+        for each, at, data in reader.messages():
+            message = reader.deserialize(data, each.msgtype)
+            writer.write(each.topic, at, bytes(types.serialize_cdr(message, each.msgtype)))
+        writer.close()
+    return out
 
 
 def without_names(recording: Path, out: Path) -> Path:

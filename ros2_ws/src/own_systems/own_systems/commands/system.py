@@ -2,8 +2,10 @@
 
 import csv
 import json
+import webbrowser
 from collections import Counter
 from pathlib import Path
+from tempfile import mkdtemp
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -155,11 +157,9 @@ def ride(
     loaded = load(task)
     from rabbit_common.executables import LaunchError
     from rabbit_recording import RecordingError
-    from rabbit_viewer.video import VideoError
     from rl_cbf_clf_controller.policy import ActorPolicy
 
     from own_systems.episode import Rider
-    from own_systems.pictures import draw_ride, film
     from own_systems.recording import RideWriter
 
     rider = Rider(loaded)
@@ -167,13 +167,12 @@ def ride(
         controlling = rider.controlling(controller)
     folder = own_folder(out, "system ride")
     ridden = rider.ride(controlling, seed)
-    with complaints(LaunchError, RecordingError, VideoError, OSError):
+    with complaints(LaunchError, RecordingError, OSError):
         made = RideWriter(ridden, folder / "recording")
         made.write(controlling if isinstance(controlling, ActorPolicy) else None)
         print(f"{ridden.outcome}, kept: {'yes' if ridden.is_kept else 'no'}, {len(ridden.moments)} ticks")
-        print(folder / "recording", draw_ride(ridden, folder / "rows.png"), sep="\n")
-        if loaded.draw:
-            print(*film(ridden, folder / "ride.mp4"), sep="\n")
+        print(folder / "recording")
+    draw_all(ridden, folder)
 
 
 @app.command()
@@ -181,15 +180,59 @@ def check(
     recording: Annotated[Path, typer.Argument(help="a recording's folder, or its .mcap file")],
     task: Task,
 ) -> None:
-    """Replay recorded states and parameters through the controller; exit code 1 if an input differs."""
+    """Replay recorded states through the controller, as `rabbit bag check --task TASK`; exit code 1 if an input differs
+    or a tick is lost."""
     loaded = load(task)
     from rabbit_recording import RecordingError
+    from rabbit_recording.reader import iterate_inventories
 
     from own_systems.recording import differing
 
     with complaints(RecordingError):
         count, wrong, furthest = differing(loaded, recording)
+        lost = sum(each.lost for each in iterate_inventories(recording))
     said = f"{len(wrong)} differ, by up to {furthest:.3g}, in ticks {wrong[:5]}" if wrong else "inputs identical"
-    print(f"{count} ticks replayed, {said}")
-    if wrong:
+    print(f"{count} ticks replayed, {lost} lost, {said}")
+    if wrong or lost:
         raise typer.Exit(DIFFERS)
+
+
+def plot_recording(recording: Path, task: str, out: Path | None, episode: int | None, form: str) -> None:
+    """`rabbit bag plot --task`: rows.FORM and, of a task that has `draw`, ride.mp4."""
+    loaded, folder = load(task), out or recording.with_name(f"{recording.stem}-pictures")
+    ridden = recorded(loaded, recording, episode)
+    draw_all(ridden, own_folder(folder, "bag plot"), form)
+
+
+def show_recording(recording: Path, task: str, browser: bool, export: Path | None, episode: int | None) -> None:
+    """`rabbit bag show --task`: rows and pictures on a page that opens from disk."""
+    from own_systems.page import write_page
+
+    ridden = recorded(load(task), recording, episode)
+    with complaints(OSError):
+        path = write_page(ridden, export or Path(mkdtemp()) / "ride.html")
+    print(path)
+    if browser and not export:
+        webbrowser.open(path.absolute().as_uri())
+
+
+def recorded(task: "ControlTask", recording: Path, episode: int | None) -> "Ride":
+    """An episode; ends the command where there is none."""
+    from rabbit_recording import RecordingError
+
+    from own_systems.recording import recorded_ride
+
+    with complaints(RecordingError):
+        return recorded_ride(task, recording, episode)
+
+
+def draw_all(ridden: "Ride", folder: Path, form: str = "png") -> None:
+    """Its rows and its film, if it has `draw`, into the folder."""
+    from rabbit_viewer.video import VideoError
+
+    from own_systems.pictures import draw_ride, film
+
+    with complaints(VideoError, OSError):
+        print(draw_ride(ridden, folder / f"rows.{form}"))
+        if ridden.task.draw:
+            print(*film(ridden, folder / "ride.mp4"), sep="\n")

@@ -26,6 +26,7 @@ app = typer.Typer(help=__doc__, no_args_is_help=True, add_completion=False)
 Bag = Annotated[Path, typer.Argument(help="a recording's folder, or its .mcap or .db3 file", metavar="BAG")]
 Source = Annotated[Path, typer.Argument(help="a run's folder, or a recording: folder, .mcap or .db3 file")]
 Episode = Annotated[int | None, typer.Option(help="episode of a recording (default: the last with ticks)", min=1)]
+Task = Annotated[str | None, typer.Option(help="of a recording of your own system: its file or name", metavar="TASK")]
 
 
 @app.command()
@@ -89,16 +90,23 @@ def show(
     browser: Annotated[bool, typer.Option(help="open the page in a browser")] = True,
     export: Annotated[Path | None, typer.Option(help="write the page and the walk to this HTML file")] = None,
     episode: Episode = None,
+    task: Task = None,
 ) -> None:
-    """Show a run or a recording in the browser, with a time line to drag."""
-    show_recording = from_viewer("page")
+    """Show a run or a recording in the browser, with a time line to drag; a task's is a file that needs no port."""
+    if task:
+        brought("rabbit.tasks", "show")(source, task, browser, export, episode)
+        return
+    show_recording = brought("rabbit.pictures", "page")
     with complaints(ValueError, RuntimeError):
         show_recording(source, port, browser, export, episode)
 
 
-def from_viewer(name: str) -> Any:
-    """A function that `rabbit_viewer` brings, since this package does not import it."""
-    (found,) = entry_points(group="rabbit.pictures", name=name) or fail("expected rabbit_viewer, which draws")
+BRINGS = {"rabbit.pictures": "rabbit_viewer, which draws", "rabbit.tasks": "own_systems, which knows tasks"}
+
+
+def brought(group: str, name: str) -> Any:
+    """A function that a package brings which this one does not import."""
+    (found,) = entry_points(group=group, name=name) or fail(f"expected {BRINGS[group]}")
     return found.load()
 
 
@@ -129,9 +137,15 @@ def plot(
     episode: Episode = None,
     form: Annotated[Literal["png", "pdf", "svg"], typer.Option(help="form of the files")] = "png",
     columns: Annotated[int | None, typer.Option(help="width in columns of a paper of two", min=1, max=2)] = None,
+    task: Task = None,
 ) -> None:
     """Draw the pictures of a run or a recording."""
-    draw = from_viewer("recording")
+    if task:
+        if columns:
+            fail(f"--columns {columns}: expected none with --task")
+        brought("rabbit.tasks", "plot")(source, task, out, episode, form)
+        return
+    draw = brought("rabbit.pictures", "recording")
     if out:
         own_folder(out, "bag plot")
     with complaints(ValueError, RuntimeError, OSError):
@@ -139,8 +153,11 @@ def plot(
 
 
 @app.command()
-def check(bag: Bag) -> None:
+def check(bag: Bag, task: Task = None) -> None:
     """Count lost ticks, and replay the states through a controller. Exit code 0: what is there is whole and replays."""
+    if task:
+        brought("rabbit.tasks", "check")(bag, task)
+        return
     from rabbit_recording.checking import check_episodes
 
     faults = episodes = 0
@@ -175,7 +192,7 @@ def explain(
 
     if worst == (tick is not None):
         fail("expected --tick N or --worst")
-    draw = from_viewer("explanation") if picture else None
+    draw = brought("rabbit.pictures", "explanation") if picture else None
     with complaints(RecordingError):
         explained = explain_tick(bag, tick, episode)
     print(*explained.lines(), sep="\n")

@@ -9,7 +9,7 @@ const PANELS = [
   {title: "V, its bound", columns: ["V", "V_bound"], log: true},
   {title: "barriers B", columns: (about) => about.barriers, limits: () => [0]},
   {title: "|F_T| / F_N", columns: ["force_ratio"], limits: (about) => [about.friction_coeff]},
-  {title: "torque (N m)", columns: ["torque_left_hip", "torque_left_knee", "torque_right_hip", "torque_right_knee"],
+  {title: "torque (N m)", columns: (about) => about.columns.filter((name) => name.startsWith("torque_")),
     limits: (about) => [-about.torque_limit, about.torque_limit]},
   {title: "slack d, of last resort", columns: ["clf_slack", "rescue_slack"]},
   {title: "what a row leaves", of: "row", columns: ["margin"], limits: () => [0]},
