@@ -18,9 +18,8 @@ NOTHING = np.zeros(0)
 
 
 def layout_fields(task: ControlTask) -> dict[str, Any]:
-    """Of `Episode`: what the arrays hold, and how long a tick is."""
-    names = {"coordinates": list(task.names_of_q), "joints": list(task.names_of_u), "feet": []}
-    return {**names, "tick_seconds": task.seconds}
+    """Of `Episode`: what the arrays hold."""
+    return {"coordinates": list(task.names_of_q), "joints": list(task.names_of_u), "feet": []}
 
 
 def state_fields(task: ControlTask, x: Array, applied: Array, impacts: int = 0) -> dict[str, Any]:

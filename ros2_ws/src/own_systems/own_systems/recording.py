@@ -51,7 +51,8 @@ class RideWriter:
         if policy:
             data = np.frombuffer(policy.file.encode(), np.uint8)
             self._add("policy_swap", 0, version=policy.version, accepted=True, data=data)
-        episode = {"seed": ride.seed, "controller": ride.controller, "sigma": 0.0, **fields.layout_fields(task)}
+        episode = {"seed": ride.seed, "controller": ride.controller, "sigma": 0.0, "tick_seconds": task.seconds}
+        episode |= fields.layout_fields(task)
         self._add("episode", 0, phase=RUNNING, **episode)
         applied = np.full(len(task.names_of_u), np.nan)
         for k, moment in enumerate(ride.moments):

@@ -54,7 +54,7 @@ class SimulatorNode(CheckedNode):
         self._own = declare(self, NodeParameters)
         refuse_unknown(self)
         self.task = load_task(self._own.task)
-        self._episode = msg.Episode(sigma=np.nan, **layout_fields(self.task))
+        self._episode = msg.Episode(sigma=np.nan, tick_seconds=self.task.seconds, **layout_fields(self.task))
         self._x: Array | None = None  # None between episodes
         self._u = np.zeros(len(self.task.names_of_u))
         self._clock_ticks = 0
