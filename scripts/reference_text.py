@@ -21,7 +21,7 @@ from common import ROOT, WORKSPACE
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 from rabbit_bringup.cli import commands as subcommands
-from rabbit_bringup.cli import summary
+from rabbit_bringup.cli import loaded, summary
 from rabbit_common.ros import qos
 from rabbit_common.ros.topics import SERVICES, TOPICS, type_name
 from rabbit_recording.ros import recorder
@@ -61,7 +61,7 @@ def commands() -> str:
     """Each subcommand of `rabbit` with its arguments and options."""
     parts = []
     for name, entry in subcommands().items():
-        command = typer.main.get_command(entry.load())
+        command = loaded(entry)
         nested = getattr(command, "commands", {})
         parts.append(f"## rabbit {name}\n")
         if nested:

@@ -20,7 +20,7 @@ from rabbit_description.state import TICK_SECONDS
 from rabbit_experiments.assembly import Assembly
 from rabbit_sim.plant import SUBSTEPS
 from rl_trainer.rollout import Record, rollout
-from scipy.linalg.blas import sgemv
+from scipy.linalg.blas import dgemv
 
 TICK, PLANT = "tick: observation to torque", "plant tick"
 TERMS, SOLVER, PRODUCTS = "the tick's functions", "OSQP's own run time", "the actor's three products"
@@ -93,7 +93,7 @@ def walk(assembly: Assembly, seed: int, watch: StopWatch, with_floors: bool = Fa
 
     def observe(record: Record) -> None:
         for weights, given in layers:
-            watch.time(PRODUCTS, sgemv, 1.0, weights, given, 0.0, None, 0, 1, 0, 1, 1)  # transposed
+            watch.time(PRODUCTS, dgemv, 1.0, weights, given, 0.0, None, 0, 1, 0, 1, 1)  # transposed
         if steps is not None and record.state.tick % BARE_EVERY == 0:
             steps(watch)
         if with_floors and assembly.controller.qp_solver == "osqp":
@@ -133,8 +133,8 @@ def floors_timed(watch: StopWatch) -> Iterator[None]:
 def actor_layers(policy: Any) -> list[tuple[Any, Any]]:
     """The weights of a policy's three layers, each with something to multiply; none without an actor."""
     arrays = getattr(getattr(policy, "file", None), "arrays", {})
-    weights = [arrays[f"{layer}.weight"].T for layer in "012"] if arrays else []
-    return [(each, np.ones(each.shape[0], dtype=np.float32)) for each in weights]
+    weights = [arrays[f"{layer}.weight"].astype(float).T for layer in "012"] if arrays else []
+    return [(each, np.ones(each.shape[0])) for each in weights]
 
 
 def bare_steps(plant: Any) -> Callable[[StopWatch], None] | None:

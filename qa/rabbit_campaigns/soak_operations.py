@@ -81,7 +81,7 @@ def idle_policy(parameters: ControllerParameters) -> PolicyFile:
 
 def _changed(file: PolicyFile, arrays: dict[str, Any], **metadata: Any) -> PolicyFile:
     arrays = {**file.arrays, **arrays}
-    arrays[PROBE] = np.stack([Actor(arrays)(row) for row in probe_inputs(len(file.metadata.observation))])
+    arrays[PROBE] = Actor(arrays)(probe_inputs(len(file.metadata.observation))).astype(np.float32)
     return PolicyFile(file.metadata.model_copy(update=metadata), arrays)
 
 

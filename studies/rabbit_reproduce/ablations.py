@@ -216,15 +216,15 @@ def markdown(rows: Sequence[Row]) -> str:
 
 
 def main(
-    variants: Annotated[list[str] | None, typer.Argument(help="by name; all of them")] = None,
+    variants: Annotated[list[str] | None, typer.Argument(help="variants by name (default: all)")] = None,
     out: Annotated[Path, typer.Option(help="folder of the study; one that was stopped there goes on")] = Path(
         "runs/ablations"
     ),
-    seeds: Annotated[list[int], typer.Option(min=0, help="of the trainings, once for each")] = [1, 2, 3],  # noqa: B006
+    seeds: Annotated[list[int], typer.Option(min=0, help="seeds of the trainings, one each")] = [1, 2, 3],  # noqa: B006
     runs: Annotated[int, typer.Option(min=1, help="courses of 20 stones for each policy")] = 20,
     seed: Annotated[int, typer.Option(min=0, help="seed of courses and first states")] = 40001,
     jobs: Annotated[int, typer.Option(min=1, help="processes")] = 1,
-    episodes: Annotated[int | None, typer.Option(min=1, help="in place of every variant's own number")] = None,
+    episodes: Annotated[int | None, typer.Option(min=1, help="episodes of each training (default: every variant's own number)")] = None,
     show: Annotated[bool, typer.Option("--list", help="the variants, and nothing more")] = False,
 ) -> None:
     """Train variants of the learner and judge them on the same courses."""

@@ -15,7 +15,6 @@ from rabbit_viewer import style
 
 from rabbit_reproduce.controllers import Contender
 
-WIDTH = 7.2  # inches, both columns of a paper
 RATIO_TOP = (1.0, 2.0)  # of the panel, at least and at most
 PANELS = (r"$\|y\|$ (rad)", r"$\|\dot y\|$ (rad/s)", r"$|F_T / F_N|$")
 
@@ -31,9 +30,9 @@ def late_and_impact_ratio(walk: WalkRecords) -> tuple[Array, Array]:
 
 def tracking_figure(walks: Mapping[Contender, WalkRecords]) -> Figure:
     """Tracking error, its derivative and force ratio over time, a curve a controller; a cross where it ended badly."""
-    figure, panels = style.figure(len(PANELS), height=1.75, width=WIDTH)
+    figure, panels = style.figure(len(PANELS), height=1.9)
     for contender, walk in walks.items():
-        look: dict[str, Any] = {"color": contender.colour, "linestyle": contender.line, "linewidth": 1}
+        look: dict[str, Any] = {"color": contender.colour, "linestyle": contender.line}
         late, impact = late_and_impact_ratio(walk)
         y, dy = (np.linalg.norm(part, axis=1) for part in (walk.eta[:, :JOINTS], walk.eta[:, JOINTS:]))
         for axes, values in zip(panels, (y, dy, late), strict=True):
@@ -73,14 +72,14 @@ def rate_figure(
 
     `marks`: values that the paper names, each a vertical line in its controller's colour.
     """
-    figure, (axes,) = style.figure(1, height=2.8, width=WIDTH / 1.3)
+    figure, (axes,) = style.figure(1, height=3.2)
     draw_rates(axes, values, walks, scale)
     for contender, value in marks:
-        axes.axvline(value * scale, color=contender.colour, linewidth=3, alpha=0.25, label=f"paper: {contender.title}")
+        is_first = contender not in [each for each, other in marks if other < value]
+        said = f"paper: {contender.title}" if is_first else None
+        axes.axvline(value * scale, color=contender.colour, linewidth=3, alpha=0.25, label=said)
     axes.set_xlabel(label)
-    handles, labels = axes.get_legend_handles_labels()
-    once = dict(zip(labels, handles, strict=True))
-    axes.legend(once.values(), once.keys(), loc="lower left", bbox_to_anchor=(0, 1), ncols=2, borderaxespad=0.2)
+    style.legend(axes, columns=3)
     return figure
 
 

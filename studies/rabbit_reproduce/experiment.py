@@ -20,7 +20,7 @@ from rabbit_viewer import style
 
 from rabbit_reproduce.controllers import AT_ITS_BEST, Contender
 from rabbit_reproduce.curves import rate_figure
-from rabbit_reproduce.report import Claim, Report, Table, Verdict, judge
+from rabbit_reproduce.report import WIDTHS, Claim, Drawn, Report, Table, Verdict, judge
 from rabbit_reproduce.setting import OURS
 from rabbit_reproduce.table_lines import MAIN, RIGID, Found, Line, Runs, Size, long_table, walk_table
 from rabbit_reproduce.training import that_made
@@ -133,10 +133,14 @@ class Experiment(ABC):
         verdicts = {claim.claim: claim.verdict for claim in beside}
         return [claim.model_copy(update={"on_rigid": verdicts.get(claim.claim)}) for claim in self.claims(found)]
 
-    def report(self, found: Found) -> tuple[Report, dict[str, Figure]]:
+    def report(self, found: Found) -> tuple[Report, Drawn]:
         """From results that are all there; raises `LookupError` where one is not."""
-        with style.look():
-            figures = self.figures(found)
+        captions, drawn = dict[str, str](), Drawn()
+        for width, columns in WIDTHS.items():
+            with style.look(columns):
+                for name, (caption, figure) in self.figures(found).items():
+                    captions[name] = caption
+                    drawn.setdefault(name, {})[width] = figure
         learned = [job for job in self.jobs(found.size) if job.assembly.policy not in ("zero", "oracle")]
         report = Report(
             name=self.name,
@@ -151,9 +155,9 @@ class Experiment(ABC):
             policies={policy_name(job.assembly): job.assembly.make_policy().version for job in learned},
             claims=tuple(self._claims(found)),
             tables=tuple(self.tables(found)),
-            figures={name: caption for name, (caption, _) in figures.items()},
+            figures=captions,
         )
-        return report, {name: figure for name, (_, figure) in figures.items()}
+        return report, drawn
 
 
 class Sweep(Experiment):

@@ -10,7 +10,7 @@ from rabbit_experiments.cache import Cache
 from rabbit_experiments.engine import run
 
 from rabbit_reproduce.experiment import Experiment
-from rabbit_reproduce.report import Claim, Report, Table, Verdict, read_report
+from rabbit_reproduce.report import WIDTHS, Claim, Report, Table, Verdict, read_report
 from rabbit_reproduce.table_lines import Found, Size
 
 PAGE = "results.md"
@@ -92,12 +92,22 @@ def _counted(verdicts: Iterable[Verdict | None]) -> str:
     return ", ".join(f"{verdict} {number}" for verdict, number in Counter(verdicts).most_common())
 
 
+def _for_paper(folder: str, name: str) -> str:
+    """Links to a figure in each width."""
+    links = [
+        f"{width.strip('-').replace('-', ' ')} [PDF]({folder}/{name}{width}.pdf), [SVG]({folder}/{name}{width}.svg)"
+        for width in WIDTHS
+        if width
+    ]
+    return "; ".join(links)
+
+
 def _section(report: Report) -> str:
     runs = "reduced runs (`--quick`)" if report.quick else "full runs"
     command = f"rabbit reproduce {report.name}{' --quick' * report.quick}{' --retrain' * report.retrained}"
     command += " --setting FILE" * bool(report.setting)
     figures = "".join(
-        f"![{caption}]({report.name}/{name}.png)\n\n*{caption}* ([PDF]({report.name}/{name}.pdf))\n\n"
+        f"![{caption}]({report.name}/{name}.png)\n\n*{caption}* (For a paper: {_for_paper(report.name, name)}.)\n\n"
         for name, caption in report.figures.items()
     )
     differs = any(claim.verdict not in (Verdict.REPRODUCED, Verdict.OPEN) for claim in report.claims)

@@ -2,7 +2,8 @@
 
 DIR/NAME/report.json      all of it, from which the page over all experiments is made
 DIR/NAME/TABLE.md, .csv   each table
-DIR/NAME/FIGURE.png, .pdf each figure
+DIR/NAME/FIGURE.png       each figure, for a page
+DIR/NAME/FIGURE-*.pdf, .svg   as wide as one and as two columns of a paper
 """
 
 import csv
@@ -22,6 +23,8 @@ from rabbit_viewer import style
 REPORT = "report.json"
 MOST_BYTES = 100_000_000
 Cell = str | int | float | None
+WIDTHS = {"": None, "-1-column": 1, "-2-columns": 2}  # of each figure, by what its file's name ends in
+Drawn = dict[str, dict[str, Figure]]  # by name, then by width
 
 
 class Verdict(StrEnum):
@@ -115,7 +118,7 @@ class Report(BaseModel):
     tables: tuple[Table, ...]
     figures: dict[str, str]
 
-    def write(self, out: Path, drawn: dict[str, Figure]) -> None:
+    def write(self, out: Path, drawn: Drawn) -> None:
         """Put everything into `out/NAME`."""
         folder = out / self.name
         folder.mkdir(parents=True, exist_ok=True)
@@ -123,9 +126,10 @@ class Report(BaseModel):
             replace_text(folder / f"{table.name}.csv", table.csv)
             if not table.long:
                 replace_text(folder / f"{table.name}.md", table.markdown)
-        for name, figure in drawn.items():
-            style.save(figure, folder / f"{name}.png", dpi=200)
-            style.save(figure, folder / f"{name}.pdf")
+        for name, widths in drawn.items():
+            for width, figure in widths.items():
+                for suffix in ("svg", "pdf") if width else ("png",):
+                    style.save(figure, folder / f"{name}{width}.{suffix}", dpi=160)
         replace_text(folder / REPORT, self.model_dump_json(indent=1))
 
 

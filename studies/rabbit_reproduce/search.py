@@ -46,7 +46,7 @@ def search(
     ranges: Annotated[Path, typer.Argument(help="YAML file of ranges")],
     experiments: Annotated[list[str], typer.Argument(help="whose claims are counted, by name")],
     out: Annotated[Path, typer.Option(help="folder; one that was stopped there goes on")] = Path("runs/search"),
-    trials: Annotated[int, typer.Option(min=1, help="in all")] = 40,
+    trials: Annotated[int, typer.Option(min=1, help="number of trials")] = 40,
     plant: Annotated[str, typer.Option(help="pybullet, mujoco or rigid")] = "pybullet",
     jobs: Annotated[int, typer.Option(min=1, help="processes")] = 1,
 ) -> None:

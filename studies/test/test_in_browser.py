@@ -23,8 +23,7 @@ from rabbit_sim.robot_urdf import perturbed_urdf
 from rabbit_sim.simulation import Simulation
 from rabbit_viewer.page.rows import RowMaker
 from rl_cbf_clf_controller.controller import Controller
-from rl_cbf_clf_controller.policy import ActorPolicy
-from rl_cbf_clf_controller.weights import Arrays, policy_path
+from rl_cbf_clf_controller.weights import policy_path
 from rl_trainer.rollout import Record, rollout
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -50,20 +49,6 @@ def ask(folder: Path, **question: Any) -> Any:
     return json.loads(done.stdout)
 
 
-class DoubleActor:
-    """The actor of a policy file in double precision, as the page has it."""
-
-    def __init__(self, arrays: Arrays) -> None:
-        self._arrays = {name: array.astype(float) for name, array in arrays.items()}
-
-    def __call__(self, scaled: np.ndarray) -> np.ndarray:
-        values = scaled
-        for layer in range(3):
-            values = self._arrays[f"{layer}.weight"] @ (np.maximum(values, 0) if layer else values)
-            values = values + self._arrays[f"{layer}.bias"]
-        return np.tanh(values)
-
-
 def assembly(name: str, **settings: float) -> Assembly:
     """Of one of the page's controllers in Python."""
     parameters, policy = CONTROLLERS[name]
@@ -83,14 +68,6 @@ def as_json(record: Record) -> dict[str, Any]:
     }
 
 
-def in_double_precision(parts: Assembly) -> tuple[Simulation, Controller]:
-    """Plant and controller, whose actor is the page's."""
-    simulation, controller = parts.build()
-    if isinstance(controller.policy, ActorPolicy):
-        controller.policy._actor = DoubleActor(controller.policy.file.arrays)  # type: ignore[assignment]
-    return simulation, controller
-
-
 def endings(simulation: Simulation, controller: Controller) -> list[tuple[str, int]]:
     """How the walks of 20 seeds end, and after how many stones."""
     found = []
@@ -105,25 +82,22 @@ def endings(simulation: Simulation, controller: Controller) -> list[tuple[str, i
 def test_torques_and_rows_on_the_same_states(folder: Path, name: str) -> None:
     parts = assembly(name, mass_scale=1.5)
     records: list[Record] = []
-    rollout(*parts.build(), 1, records.append)
+    simulation, controller = parts.build()
+    rollout(simulation, controller, 1, records.append)
     assert records[-1].state.touchdowns == 19  # 20 stones
-    _, controller = in_double_precision(parts)
-    controller.reset(1)
-    outputs = [controller.step(record.state) for record in records]
-    wanted = np.array([output.torque for output in outputs])
+    wanted = np.array([record.output.torque for record in records])
     found = ask(folder, ask="torques", name=name, states=[as_json(record) for record in records])
     assert max(each["residual"] for each in found) < OPTIMAL
     torques = np.array([each["torque"] for each in found])
     np.testing.assert_allclose(torques, wanted, rtol=0, atol=EQUAL)
     about = about_walk(parts.controller, parts.simulation, "", 1, "")
     maker = RowMaker(about, controller.qp.names, controller.barrier_names)
-    rows = np.array([maker.row(record.state, output) for record, output in zip(records, outputs, strict=True)])
+    rows = np.array([maker.row(record.state, record.output) for record in records])
     drawn = np.array([each["row"] for each in found], dtype=float)  # JSON has null for NaN
     is_slack = np.array(["slack" in name for name in maker.columns])  # near 0 where the CLF's row is: a step's start
     np.testing.assert_allclose(drawn[:, ~is_slack], rows[:, ~is_slack], rtol=1e-6, atol=1e-6)
     np.testing.assert_allclose(drawn[:, is_slack], rows[:, is_slack], rtol=1e-6, atol=1e-4)
-    rounded = np.abs(torques - [record.output.torque for record in records]).max()
-    print(f"{name}: {np.abs(torques - wanted).max():.2g} N m; from the actor in single precision {rounded:.2g} N m")
+    print(f"{name}: {np.abs(torques - wanted).max():.2g} N m")
 
 
 @pytest.mark.parametrize("name", CONTROLLERS)
@@ -141,9 +115,9 @@ def test_twenty_courses_end_as_in_python(folder: Path, name: str) -> None:
     ],
 )
 def test_falls_are_alike(folder: Path, name: str, settings: dict[str, float]) -> None:
-    """Where robots fall a rounding decides after which stone: so with the actor in the page's precision."""
+    """Where robots fall, a rounding decides after which stone."""
     answers = ask(folder, ask="walks", name=name, settings={**SETTINGS, **settings}, seeds=[*SEEDS])
-    wanted = endings(*in_double_precision(assembly(name, **settings)))
+    wanted = endings(*assembly(name, **settings).build())
     assert [(each["outcome"], each["stones"]) for each in answers] == wanted
     assert {outcome for outcome, _ in wanted} > {"walked"}
 

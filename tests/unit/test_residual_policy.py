@@ -63,7 +63,7 @@ def residual_file(scale: float = 0.3) -> PolicyFile:
         commit="",
         command="",
     )
-    return PolicyFile(about, {**arrays, PROBE: Actor(arrays)(probe_inputs(READS))})
+    return PolicyFile(about, {**arrays, PROBE: Actor(arrays)(probe_inputs(READS)).astype(np.float32)})
 
 
 class Constant(ResidualPolicy):

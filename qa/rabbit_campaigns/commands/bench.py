@@ -22,13 +22,13 @@ class BenchOptions(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     out: Path | None = Field(None, description="file for the figures (default: runs/DATE-bench.json)")
-    seed: int = Field(9001, ge=0, le=2**32 - 1, description="of the walk")
+    seed: int = Field(9001, ge=0, le=2**32 - 1, description="seed of course and first state")
     policy: str | None = Field(None, description="zero, oracle, a shipped policy or a file")
     parameters: str = Field(
         "ours", description="file of controller parameters: ours, best, nominal_tuned, authors or a YAML file"
     )
-    batch: int = Field(0, ge=0, le=4096, description="so many robots at once in MuJoCo against the bare engine")
-    ticks: int = Field(100_000, ge=1, description="of all robots together, for --batch")
+    batch: int = Field(0, ge=0, le=4096, description="robots that walk at once in MuJoCo, timed against the bare engine; 0: none")
+    ticks: int = Field(100_000, ge=1, description="ticks of all robots together (needs --batch)")
 
 
 @app.command()

@@ -26,15 +26,15 @@ class JitterOptions(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     out: Path | None = Field(None, description="folder for recordings and figures (default: runs/DATE-jitter)")
-    minutes: float = Field(10.0, gt=0, le=1000, description="of each walk")
+    minutes: float = Field(10.0, gt=0, le=1000, description="length of each walk, minutes")
     neighbours: tuple[Annotated[int, Field(ge=0, le=1000)], ...] = Field(
-        (0,), min_length=1, description="busy processes beside the walk, a walk for each number"
+        (0,), min_length=1, description="numbers of busy processes beside a walk, a walk for each"
     )
     priority: tuple[Annotated[int, Field(ge=0, le=99)], ...] = Field(
-        (0,), min_length=1, description="SCHED_FIFO priority of simulator and controller, a walk for each; 0: ordinary"
+        (0,), min_length=1, description="SCHED_FIFO priorities of simulator and controller, a walk for each; 0: none"
     )
-    kills: int = Field(0, ge=0, le=1000, description="times the controller is killed, under each priority, a walk each")
-    seed: int = Field(1, ge=0, le=2**63 - 1, description="of the first episode")
+    kills: int = Field(0, ge=0, le=1000, description="walks under each priority in which the controller is killed")
+    seed: int = Field(1, ge=0, le=2**63 - 1, description="seed of the first episode")
     policy: str | None = Field(None, description="zero, a shipped policy or a file")
     parameters: str = Field(
         "ours", description="file of controller parameters: ours, best, nominal_tuned, authors or a YAML file"

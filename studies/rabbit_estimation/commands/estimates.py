@@ -22,7 +22,7 @@ class ErrorsOptions(WalkOptions):
     """Options of `rabbit estimates` besides those of plant and controller."""
 
     runs: int = Field(5, ge=1, le=10_000, description="walks of the policy, and as many of the oracle")
-    out: Path | None = Field(None, description="file for the figures, JSON")
+    out: Path | None = Field(None, description="file for the figures (.json)")
 
 
 @app.command()

@@ -27,7 +27,7 @@ class FolderOptions(BaseModel):
         (), description="rises of the ground that the library has gaits for, degrees, increasing; '' for --slope alone"
     )
     speed_slope: float = Field(
-        0.0, ge=-2, le=2, description="of a library: m/s by which the speed grows with each m of step length"
+        0.0, ge=-2, le=2, description="growth of a library's speed with its step length, m/s for each m"
     )
 
 

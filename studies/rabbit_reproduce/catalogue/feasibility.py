@@ -16,7 +16,6 @@ from rabbit_experiments.evaluation import SeededRun, episode_seeds
 from rabbit_viewer import style
 
 from rabbit_reproduce.controllers import CBF_CLF, CBF_CLF_ORACLE, CLF, CLF_ORACLE, RL_CBF_CLF, RL_CLF, ROBUST, Contender
-from rabbit_reproduce.curves import WIDTH
 from rabbit_reproduce.experiment import Experiment
 from rabbit_reproduce.feasibility import Feasibility, JudgedWalk, RowSet, share, share_text, total
 from rabbit_reproduce.report import Claim, Table
@@ -191,7 +190,7 @@ class FeasibilityByEpisode(Judged):
     def figures(self, found: Found) -> dict[str, tuple[str, Figure]]:
         """A panel for each set of rows."""
         curves, beside = self._curves(found), self._beside(found)
-        figure, panels = style.figure(len(SETS), height=1.9, width=WIDTH)
+        figure, panels = style.figure(len(SETS), height=1.9)
         for axes, (rows, table) in zip(panels, curves.items(), strict=True):
             percent = 100 * table
             axes.plot(EPISODES, percent.mean(axis=0), "o-", color=style.BLUE, markersize=4, label=RL_CBF_CLF.title)

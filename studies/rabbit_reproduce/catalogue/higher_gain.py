@@ -87,7 +87,7 @@ class HigherGain(Experiment):
         return claims
 
     def figures(self, found: Found) -> dict[str, tuple[str, Figure]]:
-        figure, panels = style.figure(len(self.swept), height=2.1, width=6.0, sharex=False)
+        figure, panels = style.figure(len(self.swept), height=3.0, sharex=False)
         walks = self.walks(found)
         for axes, (field, values) in zip(panels, self.swept.items(), strict=True):
             draw_rates(axes, values, {who: [walks[who, field, value] for value in values] for who in WHO})

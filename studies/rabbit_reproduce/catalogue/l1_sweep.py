@@ -15,7 +15,6 @@ from rabbit_viewer import style
 
 from rabbit_reproduce.catalogue.flat import STEPS
 from rabbit_reproduce.controllers import CLF, L1_CLF
-from rabbit_reproduce.curves import WIDTH
 from rabbit_reproduce.experiment import Experiment
 from rabbit_reproduce.report import Claim, Table
 from rabbit_reproduce.table_lines import MAIN, Found, Line, Runs, long_table, walk_table
@@ -86,7 +85,7 @@ class L1Sweep(Experiment):
         return Table(name="walks", columns=columns, rows=rows), long_table(self.lines(), found)
 
     def figures(self, found: Found) -> dict[str, tuple[str, Figure]]:
-        figure, panels = style.figure(len(SCALES), height=2.1, width=WIDTH)
+        figure, panels = style.figure(len(SCALES), height=2.1)
         for axes, scale in zip(panels, SCALES, strict=True):
             self._panel(axes, scale, found)
         style.legend(panels[0], columns=3)
@@ -140,10 +139,10 @@ class L1Sweep(Experiment):
         axes.axhline(piecewise, color=style.GREEN, linestyle=":", label="piecewise, 100 Hz")
         axes.axhline(nominal, color=CLF.colour, linestyle=CLF.line, label=CLF.title)
         axes.set(xscale="log", yscale="log", ylabel="rms of $y$ (rad)")
+        axes.text(0.5, 0.97, f"{scale:g} times the mass", transform=axes.transAxes, ha="center", va="top")
         axes.yaxis.set_major_formatter(ScalarFormatter())
         axes.yaxis.set_minor_formatter(NullFormatter())
         axes.set_yticks([tick for tick in TICKS if axes.get_ylim()[0] <= tick <= axes.get_ylim()[1]])
-        axes.set_title(f"scale {scale:g}", loc="right", fontsize=9)
 
 
 def _errors(walks: Sequence[Walks]) -> Any:

@@ -15,7 +15,6 @@ from rl_cbf_clf_controller.kinds import find_problem
 from rl_trainer.parameters import TrainingParameters
 
 from rabbit_reproduce.controllers import IO_RL, RL_CBF_CLF, RL_CLF, Contender
-from rabbit_reproduce.curves import WIDTH
 from rabbit_reproduce.experiment import Experiment
 from rabbit_reproduce.report import Cell, Claim, Table
 from rabbit_reproduce.table_lines import MAIN, Found, Line, Size
@@ -131,7 +130,7 @@ def _row(session: Session, walks: dict[TrainingJob, str]) -> tuple[Cell, ...]:
 
 def learning_figure(trainings: dict[Contender, list[Session]]) -> Figure:
     """Steps and errors over episodes."""
-    figure, (steps, errors) = style.figure(2, height=1.9, width=WIDTH)
+    figure, (steps, errors) = style.figure(2, height=2.3)
     for contender, own in trainings.items():
         _curve(steps, contender, [[row.steps for row in session] for session in own])
         _curve(errors, contender, [[-row.reward or np.nan for row in session] for session in own])

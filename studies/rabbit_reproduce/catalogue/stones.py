@@ -16,7 +16,7 @@ from rabbit_viewer.geometry import allowed_area
 from rabbit_viewer.pictures import plot_steps, plot_stones, swing_foot
 
 from rabbit_reproduce.controllers import CBF_CLF, CBF_CLF_ORACLE, RL_CBF_CLF, ROBUST
-from rabbit_reproduce.curves import WIDTH, finish_ratio, late_and_impact_ratio
+from rabbit_reproduce.curves import finish_ratio, late_and_impact_ratio
 from rabbit_reproduce.experiment import Experiment, forces_kept
 from rabbit_reproduce.report import Claim
 from rabbit_reproduce.table_lines import HEADLINE, Found, Line, Runs, Size
@@ -130,7 +130,7 @@ def violations(walks: Walks) -> tuple[str, dict[str, bool]]:
 
 def swing_foot_figure(walk: WalkRecords) -> Figure:
     """The paper's two panels over time."""
-    figure, (length, ratio) = style.figure(2, height=2.0, width=WIDTH)
+    figure, (length, ratio) = style.figure(2, height=2.0)
     plot_stones(walk, length)
     plot_steps(walk, length, swing_foot(walk)[:, 0], style.BLUE, "swing foot $l_f$")
     seconds = walk.landings[:, 1] * TICK_SECONDS
@@ -138,7 +138,7 @@ def swing_foot_figure(walk: WalkRecords) -> Figure:
     length.set_ylabel("$l_f$ (m)")
     style.legend(length)
     late, impact = late_and_impact_ratio(walk)
-    ratio.plot(walk.time, late, color=style.BLUE, linewidth=1)
+    ratio.plot(walk.time, late, color=style.BLUE)
     ratio.plot(walk.time, impact, ".", color=style.BLUE, markersize=2, alpha=0.5)
     finish_ratio(ratio, walk)
     end = float(np.max(seconds, initial=walk.time[-1]))
@@ -173,7 +173,7 @@ def grey_area_figure(walk: WalkRecords) -> Figure:
     first = np.array([np.flatnonzero(walk.step_index == step)[0] for step in steps])
     by_edge = first[np.argsort(walk.preview[first, 0])]
     chosen = by_edge[np.linspace(0, len(by_edge) - 1, min(SHOWN, len(by_edge))).round().astype(int)]
-    figure, panels = style.figure(len(chosen), height=1.5, width=WIDTH)
+    figure, panels = style.figure(len(chosen), height=1.5)
     foot = swing_foot(walk)
     for axes, row in zip(panels, chosen.tolist(), strict=True):
         near, far = walk.preview[row].tolist()
@@ -187,9 +187,10 @@ def grey_area_figure(walk: WalkRecords) -> Figure:
         axes.plot(walk.landings[walk.step_index[row], 2], 0.0, "o", color=style.BLUE, markersize=4, label="landing")
         for edge, name in ((near, "$l_{min}$"), (far, "$l_{max}$")):
             axes.axvline(edge, color=style.RED, linestyle="--", linewidth=0.8)
-            axes.annotate(name, (edge, 0.96 * TOP), ha="right" if edge == near else "left", va="top")
+            side = {"xytext": (-3, 0), "ha": "right"} if edge == near else {"xytext": (3, 0), "ha": "left"}
+            axes.annotate(name, (edge, 0.96 * TOP), textcoords="offset points", va="top", **side)
         axes.set(ylabel="$h_f$ (m)", ylim=(-DEPTH, TOP), xlim=(-0.45, 0.55))
-        axes.set_title(f"stone {walk.step_index[row] + 1}: $l_{{min}}$ = {near:.3f} m", loc="right", fontsize=9)
+        axes.set_title(f"stone {walk.step_index[row] + 1}: $l_{{min}}$ = {near:.3f} m", loc="right", fontsize="medium")
         axes.grid(visible=False)
     style.legend(panels[0])
     panels[-1].set_xlabel("from the stance foot (m)")

@@ -17,21 +17,21 @@ app = typer.Typer(add_completion=False)
 
 @app.command()
 def reproduce(
-    names: Annotated[list[str] | None, typer.Argument(help="experiments, by name; all of them")] = None,
-    quick: Annotated[bool, typer.Option("--quick", help="few runs of everything")] = False,
+    names: Annotated[list[str] | None, typer.Argument(help="experiments by name (default: all that need no --retrain)")] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="make few runs of everything")] = False,
     retrain: Annotated[bool, typer.Option("--retrain", help="train the policies first, into DIR/training")] = False,
-    out: Annotated[Path, typer.Option(help="folder; one that was stopped there goes on")] = Path("runs/reproduce"),
-    jobs: Annotated[int | None, typer.Option(min=1, max=4096, help="processes (default: all cores)")] = None,
+    out: Annotated[Path, typer.Option(help="folder of the results; work that was stopped there goes on")] = Path("runs/reproduce"),
+    jobs: Annotated[int | None, typer.Option(min=1, max=4096, help="number of processes (default: all cores)")] = None,
     setting: Annotated[
-        str | None, typer.Option(help="YAML file, or a shipped one's name: what the paper does not print")
+        str | None, typer.Option(help="what the paper does not print: a YAML file, or a shipped one's name")
     ] = None,
     plant: Annotated[
         PlantName | None, typer.Option(help="plant on which the claims are judged (default: pybullet)")
     ] = None,
     figure: Annotated[
-        int | None, typer.Option(min=1, max=5, help="the paper's figure of this number; Fig. 1 is a drawing")
+        int | None, typer.Option(min=1, max=5, help="number of the paper's figure to make; Fig. 1 is a drawing")
     ] = None,
-    show: Annotated[bool, typer.Option("--list", help="the experiments, and nothing more")] = False,
+    show: Annotated[bool, typer.Option("--list", help="list the experiments, and do nothing more")] = False,
 ) -> None:
     """Make the paper's figures and tables anew: DIR/results.md has its figures beside ours, with verdicts."""
     from rabbit_experiments.cache import JobError

@@ -10,19 +10,19 @@ from rabbit_common.own_folder import new_file, own_folder
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, help=__doc__)
 
-Out = Annotated[Path, typer.Option(help="file to write, .safetensors")]
-Seed = Annotated[int, typer.Option(min=0, max=2**31)]
+Out = Annotated[Path, typer.Option(help="new file (.safetensors)")]
+Seed = Annotated[int, typer.Option(min=0, max=2**31, help="seed of the training")]
 
 
 @app.command()
 def end_to_end(
-    out: Annotated[Path, typer.Option(help="folder; a session that was stopped there goes on")],
-    learner: Annotated[Literal["ppo", "sac", "dagger"], typer.Option()] = "ppo",
-    ticks: Annotated[int, typer.Option(min=1, max=10**11, help="in all, of all robots")] = 20_000_000,
+    out: Annotated[Path, typer.Option(help="folder of the session; one that was stopped there goes on")],
+    learner: Annotated[Literal["ppo", "sac", "dagger"], typer.Option(help="how it learns")] = "ppo",
+    ticks: Annotated[int, typer.Option(min=1, max=10**11, help="ticks to train for, of all robots together")] = 20_000_000,
     seed: Seed = 1,
-    robots: Annotated[int, typer.Option(min=4, max=4096, help="that walk side by side")] = 128,
+    robots: Annotated[int, typer.Option(min=4, max=4096, help="robots that walk side by side")] = 128,
 ) -> None:
-    """Joint targets by PPO, SAC or DAgger in MuJoCo, over random plants: DIR/policy.safetensors and a curve."""
+    """Train joint targets by PPO, SAC or DAgger in MuJoCo, over random plants: DIR/policy.safetensors and a curve."""
     from rabbit_residual.session import SessionError
 
     from rabbit_rivals.end_to_end import options, train
@@ -39,10 +39,10 @@ def end_to_end(
 def gp(
     session: Annotated[Path, typer.Argument(help="folder that rabbit train filled")],
     out: Out,
-    inducing: Annotated[int, typer.Option(min=1, max=2000, help="transitions that span each GP")] = 300,
+    inducing: Annotated[int, typer.Option(min=1, max=2000, help="transitions that span each Gaussian process")] = 300,
     seed: Seed = 1,
 ) -> None:
-    """Gaussian processes for the cone programme, from the transitions of a training session."""
+    """Fit Gaussian processes for the cone programme to the transitions of a training session."""
     from rl_trainer.checkpoint import CheckpointError
 
     from rabbit_rivals.gp_fit import fit_session

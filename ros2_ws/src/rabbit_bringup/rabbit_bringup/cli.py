@@ -61,6 +61,13 @@ def summary(command: EntryPoint) -> str:
     return (ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or "").partition("\n")[0]
 
 
+def loaded(command: EntryPoint) -> Any:
+    """The command itself, whose module is imported."""
+    from rabbit_common.options import in_one_form  # which takes a while
+
+    return in_one_form(typer.main.get_command(command.load()))
+
+
 def _fail(text: str) -> NoReturn:
     from rabbit_common.options import fail  # which takes a while
 
@@ -96,7 +103,7 @@ class LazyGroup(TyperGroup):
         if source(entry) is None:
             _fail(f"{name} cannot be called: there is no module {entry.module}")
         gc.disable()  # of what is imported nothing is garbage; looking for it takes a fifth of the time to a help text
-        command = typer.main.get_command(entry.load())
+        command = loaded(entry)
         gc.enable()
         _replace_default(signal.SIGINT, signal.SIG_DFL, signal.default_int_handler)
         _replace_default(signal.SIGTERM, signal.SIG_DFL, _terminate)

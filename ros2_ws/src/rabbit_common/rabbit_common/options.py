@@ -18,6 +18,8 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from difflib import get_close_matches
+from pathlib import Path
+from types import UnionType
 from typing import Annotated, Any, Literal, NoReturn, TypeVar, get_args, get_origin
 
 import typer
@@ -58,9 +60,9 @@ class Defaults:
         default = self.always.get(name, default)
         is_none = default is None or default in ("", ())
         if name not in self.bare:
-            return "" if is_none else f"(default {default})"
-        other = "" if is_none or name in CHOOSES else f"; {default} with --controller or --parameters"
-        return f"(default {self.bare[name]}{other})"
+            return "" if is_none else f"(default: {in_words(default)})"
+        other = "" if is_none or name in CHOOSES else f"; {in_words(default)} with --controller or --parameters"
+        return f"(default: {in_words(self.bare[name])}{other})"
 
 
 @dataclass(frozen=True)
@@ -231,10 +233,34 @@ def _split(info: FieldInfo, value: Any) -> Any:
     return [part for part in value.split(",") if part] if is_list and isinstance(value, str) else value
 
 
+def in_words(default: Any) -> str:
+    """A default as a help text has it, and as one types it."""
+    if isinstance(default, bool):
+        return "on" if default else "off"
+    return ",".join(map(str, default)) if isinstance(default, list | tuple) else str(default)
+
+
+def in_one_form(command: Any) -> Any:
+    """The command, whose options, where typer made them, show values and defaults as `options` does."""
+    for each in getattr(command, "commands", {}).values():
+        in_one_form(each)
+    for each in command.params:
+        is_flag = getattr(each, "is_flag", False)
+        if each.show_default and each.default not in (None, "", []) and not (is_flag and not each.secondary_opts):
+            each.help = f"{each.help or ''} (default: {in_words(each.default)})".strip()
+        each.show_default = False
+        kind = getattr(each, "type_descriptor", None)
+        if kind and each.param_type_name == "option" and not is_flag and not each.metavar:
+            each.metavar = _metavar(kind.annotation)
+    return command
+
+
 def _metavar(annotation: Any) -> str:
     if get_origin(annotation) is Literal:
         return "|".join(map(str, get_args(annotation)))
-    if get_origin(annotation) is tuple:
+    if get_origin(annotation) in (tuple, list):
         return f"{_metavar(get_args(annotation)[0])},..."
-    known = {float: "NUMBER", int: "COUNT", str: "NAME"}
+    if get_origin(annotation) is UnionType:  # with None
+        return _metavar(get_args(annotation)[0])
+    known = {float: "NUMBER", int: "COUNT", str: "NAME", Path: "PATH"}
     return known.get(annotation, "VALUE")

@@ -16,7 +16,7 @@ class Options(BaseModel):
 
 
 def test_a_default_is_named_where_there_is_one_to_name() -> None:
-    expected = {"out": "folder", "jobs": "processes", "name": "of the run", "runs": "walks (default 10)"}
+    expected = {"out": "folder", "jobs": "processes", "name": "of the run", "runs": "walks (default: 10)"}
     assert described([Options]) == expected
 
 
@@ -33,9 +33,9 @@ OWN = Defaults(always={"lag": 0.004}, bare={"controller": "learned", "scale": 2.
 
 def test_a_commands_own_defaults_are_those_that_its_help_names() -> None:
     assert described([Robot], OWN) == {
-        "controller": "which (default learned)",
-        "lag": "s (default 0.004)",
-        "scale": "of the mass (default 2.0; 1.0 with --controller or --parameters)",
+        "controller": "which (default: learned)",
+        "lag": "s (default: 0.004)",
+        "scale": "of the mass (default: 2.0; 1.0 with --controller or --parameters)",
     }
     assert Given({}, OWN).build(Robot) == Robot(controller="learned", lag=0.004, scale=2.0)
     assert Given({"controller": "other"}, OWN).build(Robot) == Robot(controller="other", lag=0.004, scale=1.0)

@@ -24,7 +24,7 @@ WORDS = {  # of RABBIT's rows: what each is for, and the unit of what it constra
     "C2-": ("friction, ground pushing back", "N"),
     **{f"u{i + 1}": (f"{name}'s torque", "N m") for i, name in enumerate(INPUTS)},
 }
-ROUNDING = 1e-6  # N m, by which another machine's torque may differ
+ROUNDING = 1e-3  # N m; version 0.1 evaluated the actor in single precision, which the processor rounds
 LEGS = "left", "right"
 
 

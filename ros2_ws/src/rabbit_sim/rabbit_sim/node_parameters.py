@@ -17,7 +17,7 @@ class NodeParameters(BaseModel):
         DEFAULT_GAIT,
         description="gait whose post-impact state the robot starts from: a name or a file, also of a library",
     )
-    seed: int = Field(1, ge=0, le=2**63 - 1, description="of the first episode; the next ones count up from it")
+    seed: int = Field(1, ge=0, le=2**63 - 1, description="seed of the first episode; the next ones count up from it")
     episodes: int = Field(1, ge=0, description="episodes to walk by itself; 0: those that reset_episode asks for")
     publish_tf: bool = Field(
         True, description="publish `tf` and `robot_description`; false beside a robot_state_publisher"

@@ -47,7 +47,7 @@ class Episode(BaseModel):
     stone_width: Number = Field(0.05, ge=1e-3, le=0.5, description="l_max - l_min, m")
     stone_placement: Literal["relative", "absolute"] = Field(
         "relative",
-        description="from where a stone's distance counts: the landed foot, or the middle of the stone before",
+        description="point from which a stone's distance counts: the landed foot, or the middle of the stone before",
     )
     stone_height: EngineNumber = setting(
         0.0,

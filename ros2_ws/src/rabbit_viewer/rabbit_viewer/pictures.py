@@ -160,7 +160,7 @@ def plot_stones(walk: WalkRecords, axes: Axes) -> None:
     for first, last in pairwise([*walk.step_starts.tolist(), len(walk.tick)]):
         time, edges = walk.time[first:last], walk.preview[first:last]
         axes.fill_between(time, *edges.T, color=style.AREA, linewidth=0)
-        label = "" if first else "l_min, l_max"
+        label = "" if first else "$l_{min}$, $l_{max}$"
         axes.plot(time, edges[:, 0], color=style.RED, linestyle="--", linewidth=1, label=label)
         axes.plot(time, edges[:, 1], color=style.RED, linestyle="--", linewidth=1)
 

@@ -17,7 +17,7 @@ __all__ = ["AREA", "BLACK", "BLUE", "GREEN", "ORANGE", "PURPLE", "RED", "SKY", "
 
 PAGE = 9.0  # inches, of a picture on a page
 COLUMNS = {1: 3.5, 2: 7.16}  # inches, of a figure in a paper of two columns
-LONG_LABEL = 24  # letters, of which two do not fit in a column
+LONG_LABEL = 22  # letters, of which two do not fit in a column
 IN_COLUMN = 0.62  # as high, over what it is on a page
 LOOK: Any = {
     "figure.figsize": (PAGE, 2.4),

@@ -95,7 +95,7 @@ class ResidualActor(ResidualPolicy):
 
     def says(self, reads: Array) -> Array:
         """See `ResidualPolicy`."""
-        return self._actor(reads).astype(float)
+        return self._actor(reads)
 
 
 def of_one(scene: Scene) -> SimpleNamespace:

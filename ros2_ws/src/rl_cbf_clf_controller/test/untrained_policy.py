@@ -34,5 +34,5 @@ def policy_metadata(problem: Problem, **changes: Any) -> PolicyMetadata:
 def policy_file(metadata: PolicyMetadata, fill: Callable[[tuple[int, ...]], Array]) -> PolicyFile:
     """With weights that `fill` makes of their shapes."""
     arrays = {name: fill(shape).astype(np.float32) for name, shape in metadata.shapes.items()}
-    arrays[PROBE] = np.stack([Actor(arrays)(row) for row in probe_inputs(len(metadata.observation))])
+    arrays[PROBE] = Actor(arrays)(probe_inputs(len(metadata.observation))).astype(np.float32)
     return PolicyFile(metadata, arrays)

@@ -38,7 +38,7 @@ class NodeParameters(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     task: str = Field("", description=TASK)
-    seed: int = Field(1, ge=0, le=2**63 - 1, description="of the first episode; the next ones count up from it")
+    seed: int = Field(1, ge=0, le=2**63 - 1, description="seed of the first episode; the next ones count up from it")
     episodes: int = Field(1, ge=1, description="after which it says no more")
     readers: int = Field(1, ge=1, le=100, description="nodes that must hear it before an episode begins")
     real_time: bool = Field(False, description="a tick lasts its time by the wall clock, under the newest `commands`")

@@ -13,8 +13,8 @@ SETTINGS = {"ignore_unknown_options": True, "allow_extra_args": True, "allow_int
 @app.command(context_settings=SETTINGS)
 def run(
     context: typer.Context,
-    package: str = typer.Argument(help="for example rabbit_sim"),
-    executable: str = typer.Argument(help="for example simulator"),
+    package: str = typer.Argument(help="package, for example rabbit_sim"),
+    executable: str = typer.Argument(help="its executable, for example simulator"),
 ) -> None:
     """Become a package's executable; what follows is handed to it."""
     try:

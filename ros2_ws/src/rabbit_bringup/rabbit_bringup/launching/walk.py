@@ -32,7 +32,7 @@ class WalkOptions(BaseModel):
         "", description="controller by name, PACKAGE/EXECUTABLE of another node, or none: you start one yourself"
     )
     out: Path | None = Field(None, description="folder for all that the walk leaves (default: runs/DATE-seed-SEED)")
-    seed: int = Field(1, ge=0, le=2**63 - 1, description="of course, first state and noise")
+    seed: int = Field(1, ge=0, le=2**63 - 1, description="seed of course, first state and noise")
     episodes: int = Field(1, ge=1, le=MOST_EPISODES, description="episodes, their seeds counting up")
     policy: str | None = Field(None, description="zero, a shipped policy or a file")
     parameters: str = Field(
@@ -56,10 +56,10 @@ class WalkOptions(BaseModel):
         None, ge=0, le=100, description="lock-step: times real time at most; 0: no limit (default: 0; with --view 1)"
     )
     view: bool = Field(False, description="serve a live view beside the walk")
-    view_port: int = Field(PORT, ge=0, le=65535, description="of the live view; 0: any free one")
+    view_port: int = Field(PORT, ge=0, le=65535, description="port of the live view; 0: any free one")
     namespace: str = Field("", pattern=NAMESPACE, description="namespace of the graph")
     ready_timeout: float = Field(60.0, gt=0, le=3600, description="s for the nodes to find each other")
-    log_level: Literal["debug", "info", "warn", "error", "fatal"] = Field("info", description="of all nodes")
+    log_level: Literal["debug", "info", "warn", "error", "fatal"] = Field("info", description="log level of all nodes")
 
     @property
     def is_foreign(self) -> bool:

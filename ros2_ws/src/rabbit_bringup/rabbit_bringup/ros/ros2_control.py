@@ -56,7 +56,7 @@ class HardwareParameters(NodeParameters):
     start_paused: bool = Field(True, description="wait for the service `pause` to enable the robot")
     real_time: bool = Field(True, description="nobody waits for a late torque")
     publish_tf: bool = Field(False, description="publish `tf` and `robot_description` beside a robot_state_publisher")
-    command_limit: float = Field(200.0, gt=0, le=200, description="of each joint, N m")
+    command_limit: float = Field(200.0, gt=0, le=200, description="largest torque of each joint, N m")
     command_rate: float = Field(50e3, gt=0, le=1e6, description="fastest change of a commanded torque, N m/s")
     joint_low: float = Field(-2.5, ge=-6.3, le=0, description="a joint below it stops the robot, rad")
     joint_high: float = Field(2.5, ge=0, le=6.3, description="a joint above it stops the robot, rad")

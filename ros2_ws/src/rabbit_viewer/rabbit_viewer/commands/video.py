@@ -17,7 +17,7 @@ def video(
     speed: Annotated[float, typer.Option(help="times real time", min=0.02, max=20)] = 1.0,
     gif: Annotated[bool, typer.Option(help="also a GIF")] = True,
     episode: Annotated[
-        int | None, typer.Option(help="which of a recording (default: the last with ticks)", min=1)
+        int | None, typer.Option(help="episode of a recording (default: the last with ticks)", min=1)
     ] = None,
 ) -> None:
     """Film a run, walk.mp4 and walk.gif in its folder, or a recording, BAG.mp4 and BAG.gif beside it; or two."""

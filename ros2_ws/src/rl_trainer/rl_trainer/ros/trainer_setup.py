@@ -21,7 +21,7 @@ class NodeParameters(BaseModel):
         ZeroPolicy.version, description="to learn on from: zero (from scratch), the name of a shipped one, or a file"
     )
     folder: str = Field(
-        "", description="for checkpoint and policies after each episode; it goes on from there, before `policy`"
+        "", description="folder for checkpoint and policies after each episode; it goes on from there, before `policy`"
     )
     plant: str = Field("{}", description="what the policy file says of the plant, JSON")
 
