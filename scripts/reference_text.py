@@ -16,7 +16,6 @@ import own_systems.ros.task_node
 import own_systems.ros.trainer
 import rl_cbf_clf_controller.ros.policies
 import rl_trainer.ros.trainer_setup
-import typer
 from common import ROOT, WORKSPACE
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo

@@ -20,11 +20,10 @@ from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.weights import (
     PROBE,
     SHIPPED,
-    Actor,
     PolicyFile,
     PolicyFileError,
     policy_path,
-    probe_inputs,
+    probe_outputs,
     read,
 )
 
@@ -81,7 +80,7 @@ def idle_policy(parameters: ControllerParameters) -> PolicyFile:
 
 def _changed(file: PolicyFile, arrays: dict[str, Any], **metadata: Any) -> PolicyFile:
     arrays = {**file.arrays, **arrays}
-    arrays[PROBE] = Actor(arrays)(probe_inputs(len(file.metadata.observation))).astype(np.float32)
+    arrays[PROBE] = probe_outputs(arrays)
     return PolicyFile(file.metadata.model_copy(update=metadata), arrays)
 
 

@@ -224,7 +224,9 @@ def main(
     runs: Annotated[int, typer.Option(min=1, help="courses of 20 stones for each policy")] = 20,
     seed: Annotated[int, typer.Option(min=0, help="seed of courses and first states")] = 40001,
     jobs: Annotated[int, typer.Option(min=1, help="processes")] = 1,
-    episodes: Annotated[int | None, typer.Option(min=1, help="episodes of each training (default: every variant's own number)")] = None,
+    episodes: Annotated[
+        int | None, typer.Option(min=1, help="episodes of each training (default: every variant's own number)")
+    ] = None,
     show: Annotated[bool, typer.Option("--list", help="the variants, and nothing more")] = False,
 ) -> None:
     """Train variants of the learner and judge them on the same courses."""

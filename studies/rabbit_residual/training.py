@@ -13,7 +13,7 @@ from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.parameters import load_parameters
 from rl_cbf_clf_controller.residual_policy import READS, ResidualPolicy
 from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP
-from rl_cbf_clf_controller.weights import PROBE, RESIDUAL_READS, Actor, PolicyFile, PolicyMetadata, probe_inputs
+from rl_cbf_clf_controller.weights import PROBE, RESIDUAL_READS, PolicyFile, PolicyMetadata, probe_outputs
 
 from rabbit_residual import session
 from rabbit_residual.fleet import KNOWN, Command, Fleet
@@ -90,6 +90,6 @@ def train(options: Options, out: Path, tell: Callable[[str], None] = print) -> P
             commit=commit(),
             command=f"rabbit residual --ticks {done['ticks']} --seed {options.seed} --out DIR",
         )
-        PolicyFile(metadata, {**arrays, PROBE: Actor(arrays)(probe_inputs(READS))}).write(path)
+        PolicyFile(metadata, {**arrays, PROBE: probe_outputs(arrays)}).write(path)
 
     return session.learn(options, learner, ResidualFleet, write, out, tell)

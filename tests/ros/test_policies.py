@@ -18,7 +18,7 @@ from rabbit_recording.checking import check_episodes
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP, RL_CLF_QP
-from rl_cbf_clf_controller.weights import PROBE, Actor, PolicyFile, policy_path, probe_inputs, read
+from rl_cbf_clf_controller.weights import PROBE, PolicyFile, policy_path, probe_inputs, probe_outputs, read
 from safetensors.numpy import save
 from untrained_policy import policy_metadata
 
@@ -32,7 +32,7 @@ SHIPPED = read(policy_path("rl-cbf-clf-qp"))
 def near_shipped(number: int) -> PolicyFile:
     """The shipped policy with last biases a little off; another one for each number."""
     arrays = {**SHIPPED.arrays, "2.bias": SHIPPED.arrays["2.bias"] + np.float32(2e-4 * (number % 3))}
-    arrays[PROBE] = np.stack([Actor(arrays)(row) for row in probe_inputs(len(SHIPPED.metadata.observation))])
+    arrays[PROBE] = probe_outputs(arrays)
     return PolicyFile(SHIPPED.metadata.model_copy(update={"training_seed": number}), arrays)
 
 

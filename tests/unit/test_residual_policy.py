@@ -17,12 +17,11 @@ from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP
 from rl_cbf_clf_controller.weights import (
     PROBE,
     RESIDUAL_READS,
-    Actor,
     PolicyFile,
     PolicyFileError,
     PolicyMetadata,
     decode,
-    probe_inputs,
+    probe_outputs,
 )
 
 HIDDEN = 8
@@ -63,7 +62,7 @@ def residual_file(scale: float = 0.3) -> PolicyFile:
         commit="",
         command="",
     )
-    return PolicyFile(about, {**arrays, PROBE: Actor(arrays)(probe_inputs(READS)).astype(np.float32)})
+    return PolicyFile(about, {**arrays, PROBE: probe_outputs(arrays)})
 
 
 class Constant(ResidualPolicy):

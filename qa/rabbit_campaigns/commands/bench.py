@@ -27,7 +27,9 @@ class BenchOptions(BaseModel):
     parameters: str = Field(
         "ours", description="file of controller parameters: ours, best, nominal_tuned, authors or a YAML file"
     )
-    batch: int = Field(0, ge=0, le=4096, description="robots that walk at once in MuJoCo, timed against the bare engine; 0: none")
+    batch: int = Field(
+        0, ge=0, le=4096, description="robots that walk at once in MuJoCo, timed against the bare engine; 0: none"
+    )
     ticks: int = Field(100_000, ge=1, description="ticks of all robots together (needs --batch)")
 
 

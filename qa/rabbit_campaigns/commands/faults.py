@@ -18,7 +18,9 @@ app = typer.Typer(add_completion=False)
 def faults(
     runs: Annotated[int, typer.Option(min=1, max=1_000_000, help="number of faults")] = 300,
     seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="seed of faults and their ticks")] = 1,
-    out: Annotated[Path, typer.Option(help="folder of the results; a campaign that was stopped there goes on")] = Path("runs/faults"),
+    out: Annotated[Path, typer.Option(help="folder of the results; a campaign that was stopped there goes on")] = Path(
+        "runs/faults"
+    ),
 ) -> None:
     """Inject faults into a walk with all nodes and the recorder. Exit code 1 if one left something wrong."""
     from rabbit_common.executables import LaunchError

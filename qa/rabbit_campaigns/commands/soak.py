@@ -37,9 +37,13 @@ class SoakOptions(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    out: Path | None = Field(None, description="folder for recording, samples and figures (default: runs/DATE-seed-SEED)")
+    out: Path | None = Field(
+        None, description="folder for recording, samples and figures (default: runs/DATE-seed-SEED)"
+    )
     minutes: float = Field(60.0, gt=0, le=10_000, description="length by the wall clock, minutes")
-    operate_every: float = Field(15.0, ge=0, le=3600, description="time between operations beside the walk, s; 0: no operations")
+    operate_every: float = Field(
+        15.0, ge=0, le=3600, description="time between operations beside the walk, s; 0: no operations"
+    )
     pace: float | None = Field(None, ge=0, le=100, description="times real time, at most; 0: no limit (default: 0)")
     seed: int = Field(1, ge=0, le=2**63 - 1, description="seed of the first episode and of the operations")
     parameters: str = Field(

@@ -18,19 +18,26 @@ def benchmark(
         list[str] | None,
         typer.Argument(help="methods by name, with values to try: nominal-pd:eps=0.02,0.03 (default: all)"),
     ] = None,
-    cells: Annotated[str, typer.Option(help="cells by name, pattern or map: stones/scale-2,flat/*,inside (default: all)")] = "",
-    courses: Annotated[int, typer.Option(min=1, max=10_000, help="courses of a cell; the storm has ten times as many")] = 10,
+    cells: Annotated[
+        str, typer.Option(help="cells by name, pattern or map: stones/scale-2,flat/*,inside (default: all)")
+    ] = "",
+    courses: Annotated[
+        int, typer.Option(min=1, max=10_000, help="courses of a cell; the storm has ten times as many")
+    ] = 10,
     seeds: Annotated[
         Literal["development", "reported"], typer.Option(help="seeds to tune on, or seeds of the published table")
     ] = "development",
     sensors: Annotated[
-        Literal["exact", "lab"], typer.Option(help="exact states, or states estimated from a lab's sensors in every cell")
+        Literal["exact", "lab"],
+        typer.Option(help="exact states, or states estimated from a lab's sensors in every cell"),
     ] = "exact",
     against: Annotated[str, typer.Option(help="method that the others are compared with")] = "identified",
-    out: Annotated[Path, typer.Option(help="folder of the results; work that was stopped there goes on")] = Path("runs/benchmark"),
+    out: Annotated[Path, typer.Option(help="folder of the results; what was stopped goes on")] = Path("runs/benchmark"),
     plant: Annotated[Literal["pybullet", "mujoco"], typer.Option(help="physics engine")] = "pybullet",
-    batch: Annotated[int, typer.Option(min=1, max=4096, help="runs that a process walks at once (needs --plant mujoco)")] = 1,
-    jobs: Annotated[int | None, typer.Option(min=1, max=4096, help="number of processes (default: all cores)")] = None,
+    batch: Annotated[
+        int, typer.Option(min=1, max=4096, help="runs that a process walks at once (needs --plant mujoco)")
+    ] = 1,
+    jobs: Annotated[int | None, typer.Option(min=1, max=4096, help="processes (default: all cores)")] = None,
     show: Annotated[bool, typer.Option("--list", help="list methods and cells, and do nothing more")] = False,
 ) -> None:
     """Walk every method on every plant: DIR/benchmark.md has the map, intervals and a paired comparison."""

@@ -15,11 +15,13 @@ FIT_SEED, JUDGE_SEED = 62001, 62003  # of plants and courses; the benchmark has 
 
 @app.command()
 def speed(
-    parameters: Annotated[str, typer.Option(help="file of controller parameters: best or a YAML file with its gaits")] = "best",
+    parameters: Annotated[
+        str, typer.Option(help="file of controller parameters: best or a YAML file with its gaits")
+    ] = "best",
     plants: Annotated[int, typer.Option(min=5, max=100_000, help="plants of the storm to fit on, 4 walks each")] = 40,
     others: Annotated[int, typer.Option(min=5, max=100_000, help="other plants, to judge on")] = 20,
-    out: Annotated[Path, typer.Option(help="folder of the results; work that was stopped there goes on")] = Path("runs/speed"),
-    jobs: Annotated[int | None, typer.Option(min=1, max=4096, help="number of processes (default: all cores)")] = None,
+    out: Annotated[Path, typer.Option(help="folder of the results; what was stopped goes on")] = Path("runs/speed"),
+    jobs: Annotated[int | None, typer.Option(min=1, max=4096, help="processes (default: all cores)")] = None,
 ) -> None:
     """Learn the coefficients of `speed_regulation`; print them with their intervals and the errors on other plants."""
     from itertools import chain

@@ -17,13 +17,11 @@ def misses(
     parameters: Annotated[
         str, typer.Option(help="file of controller parameters: ours, best, authors or a YAML file")
     ] = "best",
-    model: Annotated[
-        Path | None, typer.Option(help="file of a fitted model, which is judged; none is fitted")
-    ] = None,
+    model: Annotated[Path | None, typer.Option(help="file of a fitted model, which is judged; none is fitted")] = None,
     fit_plants: Annotated[int, typer.Option(min=10, max=100_000, help="plants of the storm to fit on")] = 1200,
     plants: Annotated[int, typer.Option(min=1, max=100_000, help="other plants, to judge on")] = 500,
-    out: Annotated[Path, typer.Option(help="folder of the results; work that was stopped there goes on")] = Path("runs/misses"),
-    jobs: Annotated[int | None, typer.Option(min=1, max=4096, help="number of processes (default: all cores)")] = None,
+    out: Annotated[Path, typer.Option(help="folder of the results; what was stopped goes on")] = Path("runs/misses"),
+    jobs: Annotated[int | None, typer.Option(min=1, max=4096, help="processes (default: all cores)")] = None,
 ) -> None:
     """Fit the probability of a miss to walks in the storm, judge it in others: DIR/model.json, DIR/misses.md."""
     from rabbit_experiments.cache import Cache, JobError

@@ -187,8 +187,8 @@ def grey_area_figure(walk: WalkRecords) -> Figure:
         axes.plot(walk.landings[walk.step_index[row], 2], 0.0, "o", color=style.BLUE, markersize=4, label="landing")
         for edge, name in ((near, "$l_{min}$"), (far, "$l_{max}$")):
             axes.axvline(edge, color=style.RED, linestyle="--", linewidth=0.8)
-            side = {"xytext": (-3, 0), "ha": "right"} if edge == near else {"xytext": (3, 0), "ha": "left"}
-            axes.annotate(name, (edge, 0.96 * TOP), textcoords="offset points", va="top", **side)
+            aside, end = (-3, "right") if edge == near else (3, "left")
+            axes.annotate(name, (edge, 0.96 * TOP), (aside, 0), textcoords="offset points", va="top", ha=end)
         axes.set(ylabel="$h_f$ (m)", ylim=(-DEPTH, TOP), xlim=(-0.45, 0.55))
         axes.set_title(f"stone {walk.step_index[row] + 1}: $l_{{min}}$ = {near:.3f} m", loc="right", fontsize="medium")
         axes.grid(visible=False)

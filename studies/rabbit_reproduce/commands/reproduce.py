@@ -17,11 +17,13 @@ app = typer.Typer(add_completion=False)
 
 @app.command()
 def reproduce(
-    names: Annotated[list[str] | None, typer.Argument(help="experiments by name (default: all that need no --retrain)")] = None,
+    names: Annotated[
+        list[str] | None, typer.Argument(help="experiments by name (default: all that need no --retrain)")
+    ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="make few runs of everything")] = False,
     retrain: Annotated[bool, typer.Option("--retrain", help="train the policies first, into DIR/training")] = False,
-    out: Annotated[Path, typer.Option(help="folder of the results; work that was stopped there goes on")] = Path("runs/reproduce"),
-    jobs: Annotated[int | None, typer.Option(min=1, max=4096, help="number of processes (default: all cores)")] = None,
+    out: Annotated[Path, typer.Option(help="folder of the results; what was stopped goes on")] = Path("runs/reproduce"),
+    jobs: Annotated[int | None, typer.Option(min=1, max=4096, help="processes (default: all cores)")] = None,
     setting: Annotated[
         str | None, typer.Option(help="what the paper does not print: a YAML file, or a shipped one's name")
     ] = None,

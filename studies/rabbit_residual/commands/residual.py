@@ -14,7 +14,7 @@ app = typer.Typer(add_completion=False)
 @app.command()
 def residual(
     out: Annotated[Path, typer.Option(help="folder of the session; one that was stopped there goes on")],
-    ticks: Annotated[int, typer.Option(min=1, max=10**11, help="ticks to train for, of all robots together")] = 6_000_000,
+    ticks: Annotated[int, typer.Option(min=1, max=10**11, help="ticks of all robots together")] = 6_000_000,
     seed: Annotated[int, typer.Option(min=0, max=2**31, help="seed of the training")] = 1,
     robots: Annotated[int, typer.Option(min=4, max=4096, help="robots that walk side by side")] = 128,
     flat: Annotated[float, typer.Option(min=0, max=1, help="share of the robots that walk on flat ground")] = 0.25,

@@ -18,7 +18,7 @@ Seed = Annotated[int, typer.Option(min=0, max=2**31, help="seed of the training"
 def end_to_end(
     out: Annotated[Path, typer.Option(help="folder of the session; one that was stopped there goes on")],
     learner: Annotated[Literal["ppo", "sac", "dagger"], typer.Option(help="how it learns")] = "ppo",
-    ticks: Annotated[int, typer.Option(min=1, max=10**11, help="ticks to train for, of all robots together")] = 20_000_000,
+    ticks: Annotated[int, typer.Option(min=1, max=10**11, help="ticks of all robots together")] = 20_000_000,
     seed: Seed = 1,
     robots: Annotated[int, typer.Option(min=4, max=4096, help="robots that walk side by side")] = 128,
 ) -> None:

@@ -24,7 +24,9 @@ class EstimatorParameters(BaseModel):
     encoder_resolution: Positive = Field(2 * pi / 2**14, description="step of the joint angles, rad")
     rate_window: Positive = Field(0.002, description="window over which an encoder's drive takes the rate, s")
     encoder_offset: Positive = Field(1e-3, description="std of a joint angle's constant error, rad")
-    bend: float = Field(0.03, ge=0, le=0.3, description="std of both legs' bend: foot forward of the hip over the leg's length")
+    bend: float = Field(
+        0.03, ge=0, le=0.3, description="std of both legs' bend: foot forward of the hip over the leg's length"
+    )
     sensor_delay: float = Field(0.0, ge=0, le=0.1, description="age of what encoders and IMU say, s")
     gyro_noise: Positive = Field(0.005, description="std of the gyro's noise, rad/s")
     gyro_bias: Positive = Field(0.005, description="std of the gyro's constant error, rad/s")
@@ -36,9 +38,13 @@ class EstimatorParameters(BaseModel):
     first_acceleration: Positive = Field(100.0, description="std of the joints' accelerations at the start, rad/s^2")
     first_speed: Positive = Field(0.01, description="std of the stance foot's speed at the start, m/s")
     shock_rate: Positive = Field(4.0, description="a stance leg's joint rate over the hip's speed, in a shock, rad/m")
-    shock_acceleration: Positive = Field(8.0, description="a stance leg's joint acceleration over the hip's speed, in a shock, rad/m")
+    shock_acceleration: Positive = Field(
+        8.0, description="a stance leg's joint acceleration over the hip's speed, in a shock, rad/m"
+    )
     swing_shock: Positive = Field(3.0, description="factor on shock_rate and shock_acceleration in the swing leg")
-    shock_measured: Positive = Field(0.7, description="error of a measured rate over the hip's speed, in a shock, rad/m")
+    shock_measured: Positive = Field(
+        0.7, description="error of a measured rate over the hip's speed, in a shock, rad/m"
+    )
     shock_foot: Positive = Field(0.4, description="speed of the stance foot over the hip's, in a shock")
     shock_speed: Positive = Field(0.02, description="error of the hip's speed, integrated, over its change in a shock")
     foot_radius: float = Field(0.002, ge=0, le=0.1, description="radius of the round feet, m")

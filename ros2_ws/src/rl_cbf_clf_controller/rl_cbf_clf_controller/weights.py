@@ -271,6 +271,11 @@ def problem_fields(problem: Problem) -> dict[str, Any]:
     return known if problem in PAPER else {**known, "inputs": problem.inputs, "quantities": problem.quantities}
 
 
+def probe_outputs(arrays: Arrays) -> Float32:
+    """What a file with these weights says that its network gives at `probe_inputs`, (4, outputs)."""
+    return Actor(arrays)(probe_inputs(arrays["0.weight"].shape[1])).astype(np.float32)
+
+
 def probe_inputs(size: int) -> Float32:
     """Four fixed scaled observations, shape (4, size): the centre and three spread over [-1, 1]."""
     grid = np.arange(1, size + 1)

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from rabbit_description.state import Array
 from rl_cbf_clf_controller.problem import Problem
-from rl_cbf_clf_controller.weights import PROBE, Actor, PolicyFile, PolicyMetadata, probe_inputs, problem_fields
+from rl_cbf_clf_controller.weights import PROBE, PolicyFile, PolicyMetadata, probe_outputs, problem_fields
 
 
 def policy_metadata(problem: Problem, **changes: Any) -> PolicyMetadata:
@@ -34,5 +34,5 @@ def policy_metadata(problem: Problem, **changes: Any) -> PolicyMetadata:
 def policy_file(metadata: PolicyMetadata, fill: Callable[[tuple[int, ...]], Array]) -> PolicyFile:
     """With weights that `fill` makes of their shapes."""
     arrays = {name: fill(shape).astype(np.float32) for name, shape in metadata.shapes.items()}
-    arrays[PROBE] = Actor(arrays)(probe_inputs(len(metadata.observation))).astype(np.float32)
+    arrays[PROBE] = probe_outputs(arrays)
     return PolicyFile(metadata, arrays)
