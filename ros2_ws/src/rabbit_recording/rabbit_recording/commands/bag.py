@@ -26,7 +26,7 @@ app = typer.Typer(help=__doc__, no_args_is_help=True, add_completion=False)
 Bag = Annotated[Path, typer.Argument(help="a recording's folder, or its .mcap or .db3 file", metavar="BAG")]
 Source = Annotated[Path, typer.Argument(help="a run's folder, or a recording: folder, .mcap or .db3 file")]
 Episode = Annotated[int | None, typer.Option(help="episode of a recording (default: the last with ticks)", min=1)]
-Task = Annotated[str | None, typer.Option(help="of a recording of your own system: its file or name", metavar="TASK")]
+Task = Annotated[str | None, typer.Option(help="file or name of the recorded system of your own", metavar="TASK")]
 
 
 @app.command()
