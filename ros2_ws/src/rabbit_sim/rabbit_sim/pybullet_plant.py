@@ -1,13 +1,13 @@
 """The true plant in PyBullet: contacts, friction and real stones with gaps."""
 
+import locale
 import os
 import sys
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 from typing import Any
 
-import numpy as np
-import pinocchio
 from rabbit_description.state import ACTUATED, COORDINATES, Array, Leg
 
 from rabbit_sim.engine_plant import STONE_DEPTH, EnginePlant, JointStates
@@ -28,7 +28,6 @@ finally:
 
 SOLVER_ITERATIONS = 50
 ERP = 0.1  # share of a contact's or joint's position error mended per substep
-RELATIVE, ABSOLUTE = 1e-9, 1e-12  # of what PyBullet loaded against the URDF
 
 
 class PhysicsClient:
@@ -78,10 +77,10 @@ class PybulletPlant(EnginePlant):
 
     def _load_robot(self, attached: Collection[str]) -> dict[str, int]:
         """Returns PyBullet's number of each joint by name; those in `attached` have no motor."""
-        self._robot: int = self._client.loadURDF(
-            f"/proc/self/fd/{self._file.fileno()}", useFixedBase=True, flags=pybullet.URDF_USE_INERTIA_FROM_FILE
-        )
-        check_robot(self._client, self._robot, self._robot_urdf)
+        with decimal_points():
+            self._robot: int = self._client.loadURDF(
+                f"/proc/self/fd/{self._file.fileno()}", useFixedBase=True, flags=pybullet.URDF_USE_INERTIA_FROM_FILE
+            )
         infos = [self._client.getJointInfo(self._robot, j) for j in range(self._client.getNumJoints(self._robot))]
         index = {info[1].decode(): info[0] for info in infos}
         self._joints = [index[name] for name in COORDINATES]
@@ -154,37 +153,12 @@ class PybulletPlant(EnginePlant):
         return force
 
 
-class RobotError(RuntimeError):
-    """A physics engine took another robot than it was given."""
-
-
-def check_robot(client: Any, robot: int, urdf: str) -> None:
-    """Compare masses, inertias, positions and limits of all joints that move, and of the links behind them.
-
-    PyBullet reads numbers by the locale of the process. After `setlocale(LC_ALL, "de_DE.UTF-8")`, as GUI toolkits call
-    it, it takes 4.384 kg for 4 kg. pinocchio reads the same file, whatever the locale. A joint's position is from the
-    centre of mass of the link before.
-
-    Raises:
-        RobotError: one differs.
-    """
-    model = pinocchio.buildModelFromXML(urdf)
-    infos = [client.getJointInfo(robot, number) for number in range(client.getNumJoints(robot))]
-    loaded = {info[1].decode(): (info, client.getDynamicsInfo(robot, info[0])) for info in infos}
-    for joint in range(1, model.njoints):
-        name, inertia, at = model.names[joint], model.inertias[joint], model.idx_qs[joint]
-        info, dynamics = loaded[name]
-        place = model.jointPlacements[joint].translation - model.inertias[model.parents[joint]].lever
-        limits = model.lowerPositionLimit[at], model.upperPositionLimit[at]
-        for what, value, expected in (
-            ("mass", dynamics[:1], [inertia.mass]),
-            ("principal moments of inertia", sorted(dynamics[2]), np.linalg.eigvalsh(inertia.inertia)),
-            ("centre of mass", dynamics[3], inertia.lever),
-            ("position", info[14], place),
-            ("limits", info[8:10], limits),
-        ):
-            if not np.allclose(value, expected, RELATIVE, ABSOLUTE):
-                raise RobotError(
-                    f"PyBullet: {what} at {name} is {list(value)}, in the URDF {np.array(expected).tolist()}. "
-                    'If the locale has a decimal comma: locale.setlocale(locale.LC_NUMERIC, "C")'
-                )
+@contextmanager
+def decimal_points() -> Iterator[None]:
+    """PyBullet reads numbers by the locale of the process: under one with a decimal comma it takes 4.384 kg for 4."""
+    own = locale.setlocale(locale.LC_NUMERIC)
+    locale.setlocale(locale.LC_NUMERIC, "C")
+    try:
+        yield
+    finally:
+        locale.setlocale(locale.LC_NUMERIC, own)
