@@ -21,8 +21,10 @@ from rabbit_common.ros.qos import EVENT
 from rabbit_description.gait import load_gait
 from rabbit_estimator.ros.node import EstimatorNode
 from rabbit_msgs.msg import (
+    ControllerState,
     Episode,
     EpisodePlan,
+    LearnerTerms,
     PolicySwap,
     PolicyWeights,
     TorqueCommand,
@@ -35,9 +37,9 @@ from rabbit_sim.simulation import Simulation
 from rclpy.serialization import deserialize_message, serialize_message
 from rclpy.signals import SignalHandlerOptions
 from rl_cbf_clf_controller.controller import Controller
+from rl_cbf_clf_controller.message_fields import state_fields, terms_fields
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
-from rl_cbf_clf_controller.ros.messages import controller_state, head, learner_terms
 from rl_cbf_clf_controller.ros.node import ControllerNode
 from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP
 from rl_trainer.parameters import TrainingParameters
@@ -78,8 +80,9 @@ def sound_messages() -> dict[str, list[Any]]:
         output = controller.step(state)
         asked = state_message(state, 1, Header())
         said = {"torque": array("d", output.torque), "policy_version": output.policy_version}
-        torque = TorqueCommand(**head(asked, "a"), **said)
-        answers = torque, controller_state(output, asked, "a"), learner_terms(output, asked, "a")
+        head = {"header": asked.header, "episode": asked.episode, "tick": asked.tick, "sender": "a"}
+        details = ControllerState(**head, **state_fields(output)), LearnerTerms(**head, **terms_fields(output))
+        answers = TorqueCommand(**head, **said), *details
         for name, message in zip(BY_TICK, (asked, *answers), strict=True):
             made.setdefault(name, []).append(message)
         state = simulation.step(output.torque)

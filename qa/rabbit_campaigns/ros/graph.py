@@ -8,6 +8,7 @@ from pathlib import Path
 from resource import RLIM_INFINITY, RLIMIT_FSIZE, prlimit
 from typing import Any
 
+import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from rabbit_bringup.launching.parameter_file import write_parameters
 from rabbit_bringup.launching.processes import PATIENCE, Processes
@@ -17,8 +18,9 @@ from rabbit_msgs.msg import Episode
 from rabbit_recording.episode_inventory import BY_TICK
 from rabbit_recording.message_header import turn_of
 from rclpy.serialization import deserialize_message
-from rl_trainer.ros.messages import transition_of
-from rl_trainer.transitions import Transition
+from rl_cbf_clf_controller.kinds import find_problem
+from rl_trainer.ros.messages import ARRAYS, NUMBERS
+from rl_trainer.transitions import Doubt, Transition
 
 PADDING = 4  # bytes: messages come filled up to a multiple of them
 
@@ -156,3 +158,11 @@ def ros_arguments(name: str, parameters: Path, namespace: str) -> list[str]:
     """Of a node under a name of its own."""
     remaps = (f"__ns:=/{namespace}", f"{name.removesuffix('2')}:__node:={name}", "/clock:=clock")
     return ["--ros-args", "--params-file", str(parameters), *(word for each in remaps for word in ("-r", each))]
+
+
+def transition_of(message: Any) -> Transition:
+    """A transition from its message."""
+    values: dict[str, Any] = {name: np.array(getattr(message, name.lower())) for name in ARRAYS}
+    values["alpha"] = values["alpha"].reshape(len(message.beta), -1)
+    values |= {name: getattr(message, name) for name in NUMBERS}
+    return Transition(problem=find_problem(message.problem), doubt=Doubt(message.doubt), **values)

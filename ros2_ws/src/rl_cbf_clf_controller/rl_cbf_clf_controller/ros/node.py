@@ -25,9 +25,9 @@ from rabbit_msgs import msg
 
 from rl_cbf_clf_controller.controller import DYNAMIC, Controller
 from rl_cbf_clf_controller.fitted_policy import fitted
+from rl_cbf_clf_controller.message_fields import state_fields, terms_fields
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
-from rl_cbf_clf_controller.ros import messages
 from rl_cbf_clf_controller.ros.policies import ZERO, CheckedPolicy, NodeParameters, Policies
 from rl_cbf_clf_controller.ros.tick_intake import TickIntake
 from rl_cbf_clf_controller.scene import ControllerError
@@ -122,9 +122,11 @@ class ControllerNode(CheckedNode):
             self._give_up(message, str(error))
             return
         self._say(message, acted.torque, acted.policy_version, acted.fault)
-        for publisher, tell in ((self._details, messages.controller_state), (self._terms, messages.learner_terms)):
-            if publisher.get_subscription_count():  # while the simulator steps
-                publisher.publish(tell(self._controller.output(), message, self._sender))
+        head = {"header": message.header, "episode": message.episode, "tick": message.tick, "sender": self._sender}
+        if self._details.get_subscription_count():  # while the simulator steps
+            self._details.publish(msg.ControllerState(**head, **state_fields(self._controller.output())))
+        if self._terms.get_subscription_count():
+            self._terms.publish(msg.LearnerTerms(**head, **terms_fields(self._controller.output())))
 
     def _say(self, answered: msg.RobotState, torque: Array, policy: str, fault: str) -> None:
         answer = self._answer

@@ -4,14 +4,12 @@ from array import array
 from dataclasses import fields
 from typing import Any
 
-import numpy as np
 from rabbit_common.message_arrays import doubles
 from rabbit_common.message_checks import Refused
 from rabbit_common.ros.conversions import state_of, torque_of
 from rabbit_common.ros.qos import EVENT, TICK, WEIGHTS
 from rabbit_msgs import msg
 from rclpy.node import Node
-from rl_cbf_clf_controller.kinds import find_problem
 from rl_cbf_clf_controller.message_fields import state_values, terms_values
 from rl_cbf_clf_controller.policy import ActorPolicy
 from rl_cbf_clf_controller.problem import Problem
@@ -21,7 +19,7 @@ from std_msgs.msg import Header
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.reward import reward, reward_terms
 from rl_trainer.training import EpisodePlan, EpisodeReport
-from rl_trainer.transitions import Doubt, Transition
+from rl_trainer.transitions import Transition
 
 NUMBERS = ("tick", "step_index", "failed")
 ARRAYS = tuple(field.name for field in fields(Transition) if field.name not in (*NUMBERS, "problem", "doubt"))
@@ -41,14 +39,6 @@ def transition_message(
         **{name: getattr(transition, name) for name in NUMBERS},
         **{name.lower(): doubles(getattr(transition, name)) for name in ARRAYS},
     )
-
-
-def transition_of(message: msg.Transition) -> Transition:
-    """A transition from its message."""
-    values: dict[str, Any] = {name: np.array(getattr(message, name.lower())) for name in ARRAYS}
-    values["alpha"] = values["alpha"].reshape(len(message.beta), -1)
-    values |= {name: getattr(message, name) for name in NUMBERS}
-    return Transition(problem=find_problem(message.problem), doubt=Doubt(message.doubt), **values)
 
 
 def weights_message(policy: PolicyFile, source: str, at: Header) -> msg.PolicyWeights:
