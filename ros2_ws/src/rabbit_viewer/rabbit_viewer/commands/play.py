@@ -9,14 +9,13 @@ from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
 from rabbit_viewer.page import PORT, PageError
-from rabbit_viewer.play.settings import RECORDED, YOURS, Choice, OtherChoice, PlaySettings, Yours
+from rabbit_viewer.play.settings import DEFAULTS as SETTINGS
+from rabbit_viewer.play.settings import RECORDED, SEED, YOURS, Choice, OtherChoice, PlaySettings, Yours
 
-DEFAULTS = Defaults(always={"motor_lag": 0.004, "mass_scale": 0.5, "stop_at_miss": False})
+DEFAULTS = Defaults(always={**SETTINGS, "stop_at_miss": False})
 YOUR_OWN = ("controller", "adaptation", "policy", "parameters")  # robot: any of these options makes it
 IN_THE_LINK = (*PlaySettings.model_fields, "motor_loss")
 UNIMPORTANT = ("port", "browser", "export")  # for the walk
-
-SEED = 40  # a course on which the second robot walks some stones, and then falls
 
 app = typer.Typer(add_completion=False)
 

@@ -112,10 +112,15 @@ class Player:
             return RecordedWalker(self._start.recording)
         return Walker(name, self._start, plant, seed, self._learned)
 
+    @property
+    def robots(self) -> dict[str, Walker]:
+        """Those that are simulated, by the setting that chose them: not what was recorded."""
+        return {name: each for name, each in zip(ROBOTS, self.walkers, strict=False) if isinstance(each, Walker)}
+
     def close(self) -> None:
         """Give back the plants."""
-        for walker in self.walkers:
-            walker.close()
+        for robot in self.robots.values():
+            robot.close()
 
     def take(self, asked: Asked | Learned) -> None:
         """Do what the server passes on; it has checked it."""
@@ -139,8 +144,8 @@ class Player:
             case Speed():
                 self.speed = asked.speed
             case Push():
-                for walker in self.walkers:
-                    walker.push(asked.force, asked.seconds)
+                for robot in self.robots.values():
+                    robot.push(asked.force, asked.seconds)
         if self._is_reset_due and not self.is_moving:
             self._try_reset()
             self.tick()  # so that the robots are seen
@@ -189,18 +194,16 @@ class Player:
 
     def _set(self, settings: PlaySettings) -> None:
         """What needs no reset acts at once."""
-        robots = list(zip(ROBOTS, self.walkers, strict=False))
-        swapped = [name for name, walker in robots if walker.may_become(getattr(settings, name))]
+        swapped = [name for name, robot in self.robots.items() if robot.may_become(getattr(settings, name))]
         wanted = {name: getattr(settings, name) for name in (*swapped, *PLANT_AT_ONCE)}
         changes = {name: value for name, value in wanted.items() if value != getattr(self._settings, name)}
         self._chosen = settings
         self._settings = self._settings.model_copy(update={**changes, "again": settings.again})
-        for name, walker in robots:
+        for name, robot in self.robots.items():
             if name in changes:
-                walker.become(changes[name])
-        if changes.keys() - set(ROBOTS):
-            for walker in self.walkers:
-                walker.change(plant_of(self._start.plant, self._settings))
+                robot.become(changes[name])
+            if changes.keys() - set(ROBOTS):
+                robot.change(plant_of(self._start.plant, self._settings))
 
     def _explain(self, asked: Explain) -> None:
         try:
@@ -212,10 +215,10 @@ class Player:
     def _load(self, path: str) -> None:
         """Walk on with what was learned."""
         self._learned = path
-        for walker in self.walkers:
-            walker.learned = path
-            if walker.name == "learned":
-                self.say("swap", {"tick": self._tick, "version": walker.become("learned")})
+        for robot in self.robots.values():
+            robot.learned = path
+            if robot.name == "learned":
+                self.say("swap", {"tick": self._tick, "version": robot.become("learned")})
 
 
 def play(send: Send, start: Start, wishes: "Queue[Asked | Learned]") -> None:

@@ -12,9 +12,7 @@ from rabbit_viewer.walk_pictures import records_of
 
 
 class RecordedWalker:
-    """The same to a `Player` as a `Walker`, but nothing changes it."""
-
-    name, learned = RECORDED, ""
+    """What a `Player` shows of a `Walker`; nothing changes it."""
 
     def __init__(self, source: Path) -> None:
         """Raises `RecordsError`, `RecordingError`."""
@@ -47,23 +45,6 @@ class RecordedWalker:
     def explain(self, tick: int) -> list[str]:
         """What explains a recorded tick."""
         raise ValueError(f"tick {tick} of a recording: `rabbit bag explain RUN/recording --tick {tick}` explains it")
-
-    def may_become(self, name: str) -> bool:
-        """It stays what it is."""
-        return False
-
-    def become(self, name: str) -> str:
-        """See `may_become`."""
-        raise ValueError(f"{name}: a recording stays what it is")
-
-    def push(self, force: float, seconds: float) -> None:
-        """Nothing pushes it."""
-
-    def change(self, plant: Any) -> None:
-        """Nothing changes it."""
-
-    def close(self) -> None:
-        """It holds nothing."""
 
 
 @cache
