@@ -22,7 +22,7 @@ class EstimatorParameters(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
     encoder_resolution: Positive = Field(2 * pi / 2**14, description="step of the joint angles, rad")
-    rate_window: Positive = Field(0.002, description="window over which an encoder's drive takes the rate, s")
+    rate_window: Positive = Field(0.002, description="time over which an encoder's drive takes the rate, s")
     encoder_offset: Positive = Field(1e-3, description="std of a joint angle's constant error, rad")
     bend: float = Field(
         0.03, ge=0, le=0.3, description="std of both legs' bend: foot forward of the hip over the leg's length"

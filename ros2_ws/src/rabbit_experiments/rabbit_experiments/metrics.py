@@ -24,6 +24,7 @@ from rl_trainer.rollout import Record
 from rabbit_experiments.walk_records import RESCUE_NEEDED
 
 IMPACT_TICKS = 4  # of a step's beginning, whose mean force may hold some of the 30 ms after impact
+SLACK_USED = 1e-3  # least d that counts, in its row's unit: whether d is less or 0 depends on the processor's rounding
 NUMBERS = 9  # of a tick, before its torque, eta and what its barriers promise
 ROWS = ("CLF", "B1", "B2", "C1", "C2", "u")  # of the QP, both cone rows as C2 and all saturation rows as u
 
@@ -189,7 +190,7 @@ class RunTally:
             "ticks_lost_at_impact": lost & at_impact,
             "qp_unanswered_ticks": answered == 0,
             "qp_unconstrained_ticks": [not names for names in self._active],
-            "slack_ticks": slack > 0,
+            "slack_ticks": slack > SLACK_USED,
             "rescue_ticks": rescue > RESCUE_NEEDED,
             "saturated_ticks": saturated == 1,
             "ecbf_start_violations": outside,

@@ -175,7 +175,7 @@ def test_an_encoder_with_a_gain_measures_the_rate_of_its_own_angle() -> None:
 
 
 def test_filtered_rates_reach_a_step_as_a_filter_of_first_order_does() -> None:
-    rates, memory = FilteredRates(rate_filter=0.02), Memory()
+    rates, memory = FilteredRates(rate_lag=0.02), Memory()
     rates.begin(memory)
     rates.measure(memory, measured(0.0), reading())
     after = [rates.measure(memory, measured(1.0), reading()).dq[3] for _ in range(5)]

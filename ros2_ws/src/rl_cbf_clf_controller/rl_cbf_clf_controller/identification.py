@@ -63,8 +63,8 @@ USUAL_LATE, LATE_RANGE = 0.42, 0.1  # a motor lag of 4 ms has 0.37; 8 kN m/s at 
 SHARE = float(1 - np.exp(-TICK_SECONDS / FILTER_TIME))
 PER_RATE_VARIANCE = 2 * (SHARE / TICK_SECONDS) ** 2 / (2 - SHARE)  # of a low-passed difference of white noise
 EXPLAINED, UNEXPLAINED = 0.5, 2.0  # normalised squares of an innovation; the doubt goes towards 0 and 1 there
-DOUBT_RISES, DOUBT_FALLS = 0.1, 0.01  # of the way, each tick
-DOUBT_BEGINS, DOUBT_WINS = 0.15, 0.5  # the doubts from which on the robot found counts less, and no more
+DOUBT_RISES, DOUBT_FALLS = 0.05, 0.005  # of the way, each tick
+DOUBT_BEGINS, DOUBT_WINS = 0.3, 0.6  # the doubts from which on the robot found counts less, and no more
 NOTHING_FILTERED = np.zeros((DOF, SIZE)), np.zeros(DOF)
 
 

@@ -13,7 +13,7 @@ class FilteredRates(Perturbation):
 
     order = 138
 
-    rate_filter: Number = setting(
+    rate_lag: Number = setting(
         0.0, 0, 0.1, "time constant of the filter on the joints' rates, s", Control("rates' filter", 0.001, "s")
     )
 
@@ -23,6 +23,6 @@ class FilteredRates(Perturbation):
     def measure(self, memory: Memory, measured: Measured, reading: PlantReading) -> Measured:
         _, rates = measured.joints
         if memory.rates is not None:
-            rates[:] = memory.rates + (1 - exp(-TICK_SECONDS / self.rate_filter)) * (rates - memory.rates)
+            rates[:] = memory.rates + (1 - exp(-TICK_SECONDS / self.rate_lag)) * (rates - memory.rates)
         memory.rates = rates.copy()
         return measured
