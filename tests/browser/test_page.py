@@ -31,6 +31,13 @@ SLIDERS = (  # name, share of the slider's width
     *(("swing_payload", 0.1), ("left_leg_scale", 0.4), ("left_hip_gain", 0.4), ("left_knee_gain", 0.4)),
     *(("right_hip_gain", 0.5), ("right_knee_gain", 0.5), ("coulomb", 0.05), ("knee_spring", 0.1), ("backlash", 0.1)),
     *(("wind", 0.52), ("gusts", 0.05), ("dead_zone", 0.1), ("hysteresis", 0.1), ("motor_frequency", 0.9)),
+    *(
+        ("no_load_speed", 0.9),
+        ("cogging", 0.05),
+        ("joint_coupling", 0.52),
+        ("encoder_gain_spread", 0.02),
+        ("rate_lag", 0.1),
+    ),
     *(("stone_tilt", 0.2), ("encoder_drift", 0.02), ("stuck_seconds", 0.1), ("sensor_dropout", 0.1)),
     ("sensor_jitter", 0.3),
     ("sole_radius", 0.1),
@@ -134,7 +141,7 @@ def test_what_is_offered_next_is_done(chromium: Chromium) -> None:
         page.wait("document.querySelector('#why').hidden")
         page.click("#things button:nth-child(2)")
         page.wait("rabbit.state.walk.about.story.includes('three times')")
-        assert settings(page)["mass_scale"] == 3
+        page.wait("rabbit.controls.state.settings.mass_scale === 3")
         page.click("#things button:nth-child(3)")
         page.wait("rabbit.state.walk.walkers[0].marks.some(({kind}) => kind === 'pushed')")
         check_requests(page)
