@@ -20,15 +20,15 @@ DIGITS = 6  # of a number on the page
 def write_page(ride: Ride, path: Path) -> Path:
     """Raises OSError where it cannot be written."""
     page = (files("own_systems") / "ride.html").read_text(encoding="utf-8")
-    said = json.dumps(told(ride), allow_nan=False).replace("<", "\\u003c")
-    parts = {"uplot.css": text("uplot/uPlot.min.css"), "uplot.js": text("uplot/uPlot.iife.min.js"), "ride": said}
+    data = json.dumps(page_data(ride), allow_nan=False).replace("<", "\\u003c")
+    parts = {"uplot.css": text("uplot/uPlot.min.css"), "uplot.js": text("uplot/uPlot.iife.min.js"), "ride": data}
     for name, part in parts.items():
         page = page.replace(f"/*{name}*/", part)
     path.write_text(page, encoding="utf-8")
     return path
 
 
-def told(ride: Ride) -> dict[str, Any]:
+def page_data(ride: Ride) -> dict[str, Any]:
     """All that the page shows: a column for each curve, a picture for every `step` ticks."""
     step, pictures = drawn(ride) if ride.task.draw else (1, [])
     corners = box_of(list(chain(*pictures))) if pictures else np.zeros((2, 2))

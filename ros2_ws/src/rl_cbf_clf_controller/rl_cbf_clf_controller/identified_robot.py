@@ -109,7 +109,8 @@ class IdentifiedRobot(Estimator):
         if not is_finite(torque):
             return x
         found = self._predicted(x, self._row, torque, self._identification.value[LATE_TORQUE : LATE_TORQUE + 1]).x
-        return (1 - self.disbelief) * found + self.disbelief * x
+        doubts = self.disbelief
+        return (1 - doubts) * found + doubts * x
 
     def estimate(self, scene: Scene, before: Estimates) -> Estimates:
         """Learn from the tick that ends now; then by how much the robot found differs from the nominal one."""

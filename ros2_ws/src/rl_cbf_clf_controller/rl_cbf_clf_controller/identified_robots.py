@@ -83,7 +83,8 @@ class IdentifiedRobots:
         """The states (N, 14) in which torques (N, 4) that are computed from `x` take effect."""
         self._x = x
         found = self._predict(x, self._rows, torque, self._known["value"][:, [LATE_TORQUE]]).x
-        found = (1 - self.disbelief) * found + self.disbelief * x
+        doubts = self.disbelief
+        found = (1 - doubts) * found + doubts * x
         return np.where(np.isfinite(torque.sum(axis=1, keepdims=True)), found, x)
 
     def estimate(self, tick: Array, x: Array, p: Array, force: Array, torque: Array) -> Estimates:
