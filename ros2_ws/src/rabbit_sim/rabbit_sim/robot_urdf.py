@@ -32,7 +32,7 @@ def with_attached(urdf: str, parameters: SimulationParameters) -> str:
     return ElementTree.tostring(robot, encoding="unicode")
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=4096)  # a batch has many robots, and asks in each tick of a flight
 def true_mass(parameters: SimulationParameters) -> float:
     """Of the robot with all that it carries, kg."""
     robot = ElementTree.fromstring(with_attached(perturbed_urdf(parameters), parameters))
