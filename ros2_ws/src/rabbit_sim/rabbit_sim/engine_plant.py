@@ -44,8 +44,9 @@ class EnginePlant(ABC):
         self.feeds_back = bool(self._transmissions or self._joint_torques)
         self._keeps_path = parameters.needs_path
 
-    def close(self) -> None:  # noqa: B027  MuJoCo has nothing
-        """Nothing to give back, unless the engine has something."""
+    def close(self) -> None:
+        """End the circle of plant and detector: so the engine's memory goes with the last reference."""
+        vars(self).pop("watch", None)
 
     def reset(self, q: Array, dq: Array, stance: Leg) -> None:
         """A new world, so that nothing (motors, warm starts, stones) is left of the last episode."""

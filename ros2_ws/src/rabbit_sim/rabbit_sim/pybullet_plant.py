@@ -55,6 +55,7 @@ class PybulletPlant(EnginePlant):
 
     def close(self) -> None:
         """Disconnect; twice does no harm."""
+        super().close()
         if self._client.isConnected():
             self._client.disconnect()
             self._file.close()

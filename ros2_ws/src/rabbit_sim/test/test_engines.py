@@ -1,7 +1,9 @@
 """PyBullet and MuJoCo against pinocchio, momentum, Coulomb's law and the pinned model."""
 
+import gc
 import subprocess
 import sys
+import weakref
 from contextlib import contextmanager
 
 import mujoco
@@ -42,6 +44,19 @@ def world(engine, parameters, q, dq, spans=()):
 @pytest.fixture(params=[PybulletPlant, MujocoPlant], ids=["pybullet", "mujoco"])
 def engine(request):
     return request.param
+
+
+def test_a_closed_plant_goes_with_its_last_reference(engine):
+    gc.disable()
+    try:
+        q, dq = initial_state(SimulationParameters(), load_gait("authors_035"), np.random.default_rng(1))
+        with world(engine, SimulationParameters(), q, dq, GROUND) as plant:
+            plant.advance(TORQUE)
+        left = weakref.ref(plant)
+        del plant
+        assert left() is None
+    finally:
+        gc.enable()
 
 
 @pytest.mark.parametrize("radius", [0.03, 0.06])
