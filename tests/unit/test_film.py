@@ -8,6 +8,7 @@ from typing import Any
 import imageio.v3 as imageio
 import numpy as np
 import pytest
+from rabbit_experiments.walk_records import RECORDS, save_records
 from rabbit_viewer.commands.video import app
 from rabbit_viewer.scene import SIZE
 from rabbit_viewer.walk_pictures import records_of_bag
@@ -39,6 +40,18 @@ def test_the_barriers_of_the_walk_are_drawn(tmp_path: Path, write_bag: WriteBag)
 
     assert records_of_bag(write_bag(tmp_path / "bag", change=other)).about["R2"] == 0.7
     assert "R2" not in records_of_bag(write_bag(tmp_path / "older", change=older)).about
+
+
+def test_a_recording_in_a_runs_folder_has_the_plant_of_the_run(tmp_path: Path, write_bag: WriteBag) -> None:
+    """A recording alone does not say how steep the ground was; the run's records beside it do."""
+    alone = records_of_bag(write_bag(tmp_path / "recording"))
+    assert "slope" not in alone.about
+    inside = write_bag(tmp_path / "run" / "recording")
+    save_records(replace(alone, about={**alone.about, "slope": 5.0, "R2": 9.0}), tmp_path / "run" / RECORDS)
+    for source in (inside, next(inside.glob("*.mcap"))):
+        about = records_of_bag(source).about
+        assert about["slope"] == 5.0
+        assert about["R2"] == alone.about["R2"]  # the controller's are in the recording
 
 
 @pytest.mark.parametrize("words", [("nowhere",), (".",), ("bag", "--episode", "9")])

@@ -15,10 +15,9 @@ from rabbit_experiments.walk_records import WalkRecords
 from rabbit_msgs import msg
 from rabbit_sim.kinematics import RabbitFeet
 from rabbit_sim.parameters import SimulationParameters
-from rabbit_viewer.geometry import feet
+from rabbit_viewer.geometry import feet, stone_spans
 from rabbit_viewer.ros.newest_ticks import KEPT, NewestTicks
 from rabbit_viewer.ros.rviz import markers
-from rabbit_viewer.scene import stone_spans
 from rl_cbf_clf_controller.parameters import load_parameters
 from scipy.spatial.transform import Rotation
 from visualization_msgs.msg import Marker

@@ -11,9 +11,9 @@ from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.evaluation import record_walk
 from rabbit_experiments.walk_records import ARRAYS, RECORDS, RecordsError, WalkRecords, load_records, save_records
 from rabbit_sim.parameters import SimulationParameters
-from rabbit_viewer.geometry import fall_of, feet
+from rabbit_viewer.geometry import fall_of, feet, stone_spans
 from rabbit_viewer.pictures import swing_foot
-from rabbit_viewer.scene import SIZE, Scene, stone_spans
+from rabbit_viewer.scene import SIZE, Scene
 from rabbit_viewer.video import film
 from rabbit_viewer.walk_pictures import draw_pictures
 from rl_cbf_clf_controller.parameters import load_parameters

@@ -24,13 +24,14 @@ from rl_cbf_clf_controller.message_fields import STONE_BARRIERS
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_trainer.rollout import Record
 
-RECORDS = "records.npz"  # in a run's folder
+RECORDS, RECORDING = "records.npz", "recording"  # in a run's folder
 LANDING = ("index", "tick", "l", "l_min", "l_max", "on_stone")
 DRAWN = (
     *("controller", "adaptation", "friction_coeff", "friction_margin", "torque_limit"),
     *("R1", "R2", "stone_margin", "eps", "kp", "kd"),
 )
 DRAWN_OF_PLANT = ("mass_scale", "payload", "link_bend", "leg_stretch", "stones", "slope", "terrain")
+PLANT = "simulation"  # in `about` of a run's records: all parameters of its plant, for a film to go on with
 MOST_BYTES = 200_000_000  # of records; a tick has about a thousand, half as many in the file
 GAINS = ("eps", "kp", "kd")  # positive
 NUMBERS = {*DRAWN[2:], "link_bend", "leg_stretch", "stones", "slope"}
@@ -46,7 +47,8 @@ CONTROLLERS = {  # in a title
 ESTIMATES = {"zero": "nominal controller", "oracle": "controller with exact estimates"}  # of a learned one
 OUTCOMES = {
     **{"miss": "missed a stone", "gap_fall": "fell into a gap", "fall": "fell", "slip": "slipped"},
-    **{"flight": "left the ground", "stall": "stood still"},
+    **{"flight": "left the ground", "stall": "stood still", "contact disagreement": "touched down out of step"},
+    **{"fault": "stopped by a fault", "silent": "its controller fell silent"},
 }
 RESCUE_NEEDED = 0.01  # rad/s^2 of slack of last resort: a quadratic one gives way a little whenever its row is active
 

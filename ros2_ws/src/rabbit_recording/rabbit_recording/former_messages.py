@@ -18,6 +18,7 @@ from rosbags.interfaces import Connection
 from rosbags.typesys.store import Typestore
 
 NEW_KINDS = {"rabbit_msgs/msg/RabbitState": "rabbit_msgs/msg/RobotState"}
+EPISODE = "rabbit_msgs/msg/Episode"
 STAMP = "stamp"  # first field of a former message
 EMPTY_FRAME = b"\1\0\0\0" + bytes(4)  # a header's end: no name, padded so that what follows stays aligned
 OLDER = {  # fields that older messages have not
@@ -29,6 +30,12 @@ OLDER = {  # fields that older messages have not
 def is_former(reader: AnyReader, kind: str) -> bool:
     """Whether a type of the recording is of a former version."""
     return kind.startswith("rabbit_msgs/") and [name for name, _ in reader.typestore.fielddefs[kind][1]][:1] == [STAMP]
+
+
+def is_of_version_0_1(reader: AnyReader) -> bool:
+    """Whether the recording was made before an episode said how long a tick lasts."""
+    fields_of = reader.typestore.fielddefs
+    return EPISODE in fields_of and "tick_seconds" not in dict(fields_of[EPISODE][1])
 
 
 def lacks_fields(reader: AnyReader, kind: str, today: Typestore) -> bool:

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from rabbit_recording import RecordingError
 from rabbit_recording.commands.bag import app
-from rabbit_recording.explaining import ExplainedTick, explain_tick
+from rabbit_recording.explaining import ExplainedTick, explain_tick, rounding_of
+from rabbit_recording.reader import RecordedEpisode, RecordedSwap
 from recorded_walk import DRAWS, Walk
 from test_former_recordings import former
 from typer.testing import CliRunner, Result
@@ -102,7 +103,8 @@ DETAILS = ("controller_state", "learner_terms", "controller_settings")
         (lambda topic, m: None if topic in DETAILS else m, "its controller publishes no controller_state"),
         (lambda topic, m: None if topic == "state" and m.tick == 5 else m, "tick 5 is missing"),
         (lambda topic, m: None if topic == "controller_settings" else m, "the controller's parameters are not in it"),
-        (lambda topic, m: turned(m) if topic == "torque" else m, "its replay is off by 1 N m"),
+        (lambda topic, m: turned(m, 1.0) if topic == "torque" else m, "its replay is off by 1 N m"),
+        (lambda topic, m: turned(m, 1e-5) if topic == "torque" else m, "its replay is off by 1e-05 N m"),
     ],
 )
 def test_what_cannot_be_replayed_is_refused(tmp_path: Path, write_bag: WriteBag, change: Any, said: str) -> None:
@@ -110,9 +112,9 @@ def test_what_cannot_be_replayed_is_refused(tmp_path: Path, write_bag: WriteBag,
         explain_tick(write_bag(tmp_path / "bag", change=change), 20)
 
 
-def turned(message: Any) -> Any:
+def turned(message: Any, by: float) -> Any:
     """A torque that no replay gives."""
-    message.torque = message.torque + 1.0
+    message.torque = message.torque + by
     return message
 
 
@@ -124,6 +126,16 @@ def test_a_tick_that_no_solver_answered_is_refused(
     monkeypatch.setattr("rabbit_recording.explaining.ROUNDING", np.inf)
     with pytest.raises(RecordingError, match="tick 0 of episode 1 cannot be explained: no solver answered"):
         explain_tick(bag, 0)
+
+
+@pytest.mark.parametrize(
+    ("is_former", "policy", "bound"), [(True, b"learned", 1e-3), (True, b"", 1e-6), (False, b"learned", 1e-6)]
+)
+def test_only_a_former_learned_policys_torques_may_be_off_by_single_precision(
+    is_former: bool, policy: bytes, bound: float, tmp_path: Path, write_bag: WriteBag
+) -> None:
+    path = former("former_trained", tmp_path) if is_former else write_bag(tmp_path / "bag")
+    assert rounding_of(path, RecordedEpisode(1, swaps=[RecordedSwap(0, "version", policy)])) == bound
 
 
 @pytest.mark.parametrize("name", ["former_best", "former_trained"])

@@ -8,10 +8,10 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 from rabbit_description.state import Array, Leg
 from rabbit_experiments.walk_records import WalkRecords
+from rabbit_sim.plant import Span
 
 from rabbit_viewer import style
-from rabbit_viewer.geometry import ARC, area_at, legs_of, torso_points
-from rabbit_viewer.scene import stone_spans
+from rabbit_viewer.geometry import ARC, area_at, legs_of, stone_spans, torso_points
 
 STEPS = 9  # shown at most
 STANCE, SWING = style.BLUE, style.ORANGE  # as in films and on the page
@@ -34,7 +34,7 @@ def draw_walk(walk: WalkRecords, path: Path) -> Path:
     figure, (robot, foot) = style.figure(2, (tall + 2.6 * low**0.5) / 2, wide, height_ratios=(tall, 1.6 * low**0.5))
     spans = stone_spans(walk, feet)[: int(walk.step_index[rows[-1]]) + 2]
     for axes, depth in ((robot, STONE_DEPTH), (foot, PATH_TOP / 10)):
-        for near, far, top in spans or [(left, right, 0.0)]:
+        for near, far, top in spans or [Span(left, right)]:
             axes.add_patch(Rectangle((near, top - depth), far - near, depth, color=style.STONE, linewidth=0))
     for first, last in pairwise(rows):
         _draw_robot(robot, walk, legs, (first + last) // 2, 0.3)

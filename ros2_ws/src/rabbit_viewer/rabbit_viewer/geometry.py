@@ -10,6 +10,7 @@ import numpy as np
 from rabbit_description.state import Array, Leg
 from rabbit_experiments.walk_records import WalkRecords
 from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.plant import Span
 
 LEG_LINK = 0.4  # m, thigh and shin
 TORSO = 0.63  # m
@@ -87,6 +88,22 @@ def fall_of(walk: WalkRecords) -> int | None:
     standing = np.flatnonzero(stands(walk.q, links_of(walk.about)))
     first = int(standing[-1]) + 1 if len(standing) else 0
     return first if first < len(walk.q) else None
+
+
+def stone_spans(walk: WalkRecords, feet: Array) -> list[Span]:
+    """World edges and top, as previewed, of the platform and each step's stone, m; empty on flat ground.
+
+    `feet` (n, 2, 2).
+    """
+    if not np.isfinite(walk.preview).any():
+        return []
+    starts = walk.step_starts
+    seen = starts[np.isfinite(walk.preview[starts, 0])]
+    origin = feet[seen, walk.stance[seen], 0]
+    edges = origin[:, None] + walk.preview[seen]
+    half = float(np.diff(walk.preview[seen[0]])[0]) / 2
+    tops = np.cumsum(walk.stone_height[seen])
+    return [Span(PLATFORM, half), *(Span(*span) for span in np.column_stack([edges, tops]).tolist())]
 
 
 def area_at(walk: WalkRecords, row: int) -> Array | None:

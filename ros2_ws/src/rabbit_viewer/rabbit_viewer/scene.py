@@ -17,17 +17,19 @@ from matplotlib.patches import Patch
 from matplotlib.transforms import Affine2D
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
-from rabbit_description.state import TICK_SECONDS, Array
+from rabbit_description.state import TICK_SECONDS
 from rabbit_experiments.walk_records import WalkRecords
 
 from rabbit_viewer import style
-from rabbit_viewer.geometry import DEPTH, PLATFORM, area_at, fall_of, force_arrow, legs_of, torso_points
+from rabbit_viewer.geometry import DEPTH, area_at, fall_of, force_arrow, legs_of, stone_spans, torso_points
+from rabbit_viewer.limp_fall import COMPUTED_FROM
 
 VIEW = (-1.2, 1.2, -0.25, 1.6)  # m: left, right, bottom, top, from below the hip
 SIZE = (960, 740)  # pixels, the view's own shape
 LEFT = 19  # pixels, of all words
 TITLE, NUMBERS, REASON, WORDS_END = 14, 58, 124, 260  # pixels from the top
 LETTERS = 66  # of a reason's line
+COMPUTED = "The walk has ended: the robot is limp.\nThis part is computed, not recorded."
 SMALL, LARGE, LINE_SPACING = 15, 24, 5  # pixels
 BOXES: dict[str, dict[str, Any]] = {  # in the order in which they are drawn, before the lines
     "area": {"facecolor": style.AREA, "edgecolor": "none"},
@@ -142,23 +144,9 @@ class Scene:
         if self.fall is not None and row >= self.fall:
             why = "\n".join(wrap(str(walk.about.get("reason", "")), LETTERS))
             draw.multiline_text((LEFT, REASON), why, style.RED, self._large, spacing=LINE_SPACING)
+        if row >= walk.about.get(COMPUTED_FROM, np.inf):
+            draw.multiline_text((LEFT, REASON), COMPUTED, style.RED, self._large, spacing=LINE_SPACING)
         return image
-
-
-def stone_spans(walk: WalkRecords, feet: Array) -> list[tuple[float, float, float]]:
-    """World edges and top, as previewed, of the platform and each step's stone, m; empty on flat ground.
-
-    `feet` (n, 2, 2).
-    """
-    if not np.isfinite(walk.preview).any():
-        return []
-    starts = walk.step_starts
-    seen = starts[np.isfinite(walk.preview[starts, 0])]
-    origin = feet[seen, walk.stance[seen], 0]
-    edges = origin[:, None] + walk.preview[seen]
-    half = float(np.diff(walk.preview[seen[0]])[0]) / 2
-    tops = np.cumsum(walk.stone_height[seen])
-    return [(PLATFORM, half, 0.0), *map(tuple, np.column_stack([edges, tops]).tolist())]
 
 
 def _box(near: float, far: float, top: float = 0.0) -> list[tuple[float, float]]:

@@ -1,10 +1,21 @@
 """Pictures and film of a walk from what it left: a run's folder with its records, or a recording."""
 
 from pathlib import Path
+from typing import Any
 
-from rabbit_experiments.walk_records import RECORDS, WalkRecords, drawn_parameters, load_records, walk_title
+from rabbit_experiments.walk_records import (
+    DRAWN_OF_PLANT,
+    PLANT,
+    RECORDING,
+    RECORDS,
+    WalkRecords,
+    drawn_parameters,
+    load_records,
+    walk_title,
+)
 from rabbit_recording.reader import last_episode
 
+from rabbit_viewer.limp_fall import with_fall
 from rabbit_viewer.pictures import draw
 from rabbit_viewer.video import film
 
@@ -32,7 +43,7 @@ def film_walk(
         RecordsError, RecordingError: as in `draw_pictures`.
         VideoError: the encoder failed.
     """
-    walks = [records_of(source, episode), *([records_of(beside)] if beside else [])]
+    walks = [with_fall(records_of(source, episode)), *([with_fall(records_of(beside))] if beside else [])]
     return film(walks, _place(source, "walk.mp4", ".mp4"), speed, gif)
 
 
@@ -54,6 +65,15 @@ def records_of_bag(bag: Path, number: int | None = None) -> WalkRecords:
     drawn = [(each.tick, drawn_parameters(each.parameters)) for each in chosen.settings]
     changed = ", ".join(f"parameters changed at tick {tick}" for tick, each in drawn if each != drawn[0][1])
     about = {"controller": chosen.controller, "policy": policies, "outcome": chosen.outcome, "seed": chosen.seed}
-    about |= drawn[0][1] if drawn else {}
+    about |= {**_plant_of_the_run(bag), **(drawn[0][1] if drawn else {})}
     about["title"] = f"{walk_title(about)} (episode {chosen.number}{changed and ', ' + changed})"
     return WalkRecords.from_ticks(chosen.records, chosen.landings, about)
+
+
+def _plant_of_the_run(bag: Path) -> dict[str, Any]:
+    """A recording does not hold its plant: what the run in whose folder it lies says of it, if it lies in one."""
+    folder = bag.resolve() if bag.is_dir() else bag.resolve().parent
+    if folder.name != RECORDING or not (folder.parent / RECORDS).exists():
+        return {}
+    about = load_records(folder.parent / RECORDS).about
+    return {name: about[name] for name in (*DRAWN_OF_PLANT, PLANT) if name in about}

@@ -7,7 +7,6 @@ A source tells a `broadcast` of a walk: `rows` of a tick's numbers, and words. `
 HOST = "127.0.0.1"
 NAMES = (HOST, "localhost")  # of this machine, that a browser may ask for
 PORT = 8765
-RECORDING = "recording"  # in a run's folder
 
 
 class PageError(RuntimeError):

@@ -10,11 +10,10 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 from rabbit_description.state import TICK_SECONDS, StonePreview
-from rabbit_experiments.walk_records import ARRAYS, RECORDS, SEEN, WalkRecords
+from rabbit_experiments.walk_records import ARRAYS, RECORDING, RECORDS, SEEN, WalkRecords
 from rabbit_recording import RecordingError
 from rabbit_recording.explaining import explain_tick
 
-from rabbit_viewer.page import RECORDING
 from rabbit_viewer.page.broadcast import Broadcast
 from rabbit_viewer.page.files import write_page
 from rabbit_viewer.page.messages import Explain

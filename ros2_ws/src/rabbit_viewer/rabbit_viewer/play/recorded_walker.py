@@ -6,6 +6,7 @@ from typing import Any
 
 from rabbit_experiments.walk_records import WalkRecords
 
+from rabbit_viewer.limp_fall import with_fall
 from rabbit_viewer.page.recording import ended_of, maker_of, ticks
 from rabbit_viewer.play.settings import RECORDED
 from rabbit_viewer.walk_pictures import records_of
@@ -33,8 +34,8 @@ class RecordedWalker:
 
     @property
     def records(self) -> WalkRecords:
-        """All of it, for a film."""
-        return records_of(self._source)
+        """All of it and its fall, for a film."""
+        return with_fall(records_of(self._source))
 
     def tick(self) -> None:
         """Go on one tick; nothing, once the recording has ended."""

@@ -4,6 +4,7 @@ Of its last ticks it keeps what decided them, so that it can say why it fell, an
 """
 
 from collections import deque
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -14,6 +15,7 @@ from rabbit_experiments.assembly import Assembly, resolve_policy
 from rabbit_experiments.walk_records import WalkRecords, about_walk, plant_in_words
 from rabbit_recording.explaining import ExplainedTick
 from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.plant import PlantReading
 from rabbit_sim.simulation import Outcome
 from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.explanation import Explanation, explain
@@ -22,14 +24,12 @@ from rl_cbf_clf_controller.policy import Policy
 from rl_cbf_clf_controller.scene import ControllerError
 from rl_trainer.rollout import Record
 
-from rabbit_viewer.geometry import torso_points
+from rabbit_viewer.limp_fall import READ, UNKNOWN, fall_limp
 from rabbit_viewer.page.rows import EVENTS, RowMaker
 from rabbit_viewer.play.settings import SHIPPED, SWAPPED_AT_ONCE, YOURS, Start, controller_of
 from rabbit_viewer.play.story import Kept, title_of, why_it_fell
 
 CLEAR_HEIGHT = 0.01  # m, of a swing foot that is well in the air
-LIMP_TICKS = 150  # of a robot that no controller moves any more, at most
-LYING = 0.2  # m, of hip or head above the ground
 NOTHING = np.full(2, np.nan)
 NONE = Estimates.zero(1, JOINTS)  # before the oracle nobody has estimated
 RUNNING = 1  # column of a row
@@ -60,7 +60,8 @@ class Walker:
         self._output: ControllerOutput
         self._kept: deque[Kept] = deque(maxlen=KEPT_TICKS)
         self._drawn: deque[Record] = deque(maxlen=KEPT_TICKS)
-        self._pushed_until = self._limp = 0
+        self._pushed_until = 0
+        self._fall: Iterator[PlantReading] | None = None
         self._swapped = False
         self._next_plant: SimulationParameters | None = None
         self.fault = self.outcome = ""
@@ -130,7 +131,7 @@ class Walker:
             return
         events = EVENTS["pushed"] * (self._state.tick < self._pushed_until) | EVENTS["swapped"] * self._swapped
         self._swapped = False
-        if self._next_plant:
+        if self._next_plant and not self.fault:
             self._change(self._next_plant)
         if not self.fault:
             self._control()
@@ -166,20 +167,19 @@ class Walker:
 
     def _sink(self) -> None:
         """A tick of the plant that nobody judges any more, until the robot lies on the ground."""
-        self._simulation.plant.advance(self._output.torque)
-        self._simulation.reading = reading = self._simulation.plant.observe()
-        seen = {name: getattr(reading, name) for name in ("q", "dq", "foot_force", "contact")}
-        self._state = replace(self._state, tick=self._state.tick + 1, **seen)
-        self._limp += 1
-        height = torso_points(reading.q[None])[0, :, 1].min() - self.row[self._maker.columns.index("stone_top")]
-        if not height > LYING or self._limp > LIMP_TICKS:
+        top = self.row[self._maker.columns.index("stone_top")]
+        self._fall = self._fall or fall_limp(self._simulation.plant, top)
+        if (reading := next(self._fall, None)) is None:
             self.outcome = self.fault
+            return
+        self._simulation.reading = reading
+        seen = {name: getattr(reading, name) for name in READ}
+        self._state = replace(self._state, tick=self._state.tick + 1, **seen)
 
     def _go_limp(self) -> None:
         if self._output.torque.any():
-            nothing: Any = dict.fromkeys(("V", "clf_slack", "rescue_slack"), np.nan)
-            unknown = {name: getattr(self._output, name) * np.nan for name in ("barriers", "margins")}
-            self._output = replace(self._output, torque=np.zeros(JOINTS), **unknown, **nothing)
+            unknown = {name: getattr(self._output, name) * np.nan for name in UNKNOWN}
+            self._output = replace(self._output, torque=np.zeros(JOINTS), **unknown)
 
     def _change(self, plant: SimulationParameters) -> None:
         reading = self._simulation.reading
