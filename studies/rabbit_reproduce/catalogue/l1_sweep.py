@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter, ScalarFormatter
 from rabbit_experiments.summary import Walks
+from rabbit_experiments.walk_records import plant_in_words
 from rabbit_viewer import style
 
 from rabbit_reproduce.catalogue.flat import STEPS
@@ -26,7 +27,7 @@ LOOKS = {"exact": (style.PURPLE, "o"), "euler": (style.ORANGE, "s")}
 NAMES = {"exact": "exact", "euler": "Euler", "piecewise": "piecewise"}
 WIDE = {"l1_slope_bound": 1e3, "l1_offset_bound": 1e4}
 RUNS = Runs(5, 2)
-TICKS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)  # rad
+TICKS = (0.01, 0.02, 0.03, 0.05, 0.1, 0.2, 0.5, 1.0)  # rad
 
 
 @dataclass(frozen=True)
@@ -138,8 +139,9 @@ class L1Sweep(Experiment):
         piecewise, nominal = (every[key].rms("rms_y") for key in ((scale, DEFAULT), scale))
         axes.axhline(piecewise, color=style.GREEN, linestyle=":", label="piecewise, 100 Hz")
         axes.axhline(nominal, color=CLF.colour, linestyle=CLF.line, label=CLF.title)
+        axes.margins(y=0.12)
         axes.set(xscale="log", yscale="log", ylabel="rms of $y$ (rad)")
-        axes.text(0.5, 0.97, f"{scale:g} times the mass", transform=axes.transAxes, ha="center", va="top")
+        axes.text(0.5, 0.97, plant_in_words({"mass_scale": scale}), transform=axes.transAxes, ha="center", va="top")
         axes.yaxis.set_major_formatter(ScalarFormatter())
         axes.yaxis.set_minor_formatter(NullFormatter())
         axes.set_yticks([tick for tick in TICKS if axes.get_ylim()[0] <= tick <= axes.get_ylim()[1]])
