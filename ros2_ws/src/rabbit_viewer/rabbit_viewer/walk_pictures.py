@@ -16,8 +16,6 @@ from rabbit_experiments.walk_records import (
 from rabbit_recording.reader import last_episode
 
 from rabbit_viewer.limp_fall import with_fall
-from rabbit_viewer.pictures import draw
-from rabbit_viewer.video import film
 
 
 def draw_pictures(
@@ -31,6 +29,8 @@ def draw_pictures(
     Raises:
         RecordsError, RecordingError: not readable, or no such episode in it.
     """
+    from rabbit_viewer.pictures import draw  # a played walk does without matplotlib
+
     return draw(records_of(source, episode), out or _place(source, "pictures", "-pictures"), f".{form}", columns)
 
 
@@ -43,6 +43,8 @@ def film_walk(
         RecordsError, RecordingError: as in `draw_pictures`.
         VideoError: the encoder failed.
     """
+    from rabbit_viewer.video import film
+
     walks = [with_fall(records_of(source, episode)), *([with_fall(records_of(beside))] if beside else [])]
     return film(walks, _place(source, "walk.mp4", ".mp4"), speed, gif)
 
