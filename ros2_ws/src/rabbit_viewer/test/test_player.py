@@ -4,6 +4,8 @@ import json
 import random
 import re
 import struct
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
@@ -389,3 +391,9 @@ def test_whatever_is_chosen_the_player_goes_on(played: Callable[..., Played]) ->
                 one.ask(do="push", force=rng.uniform(-1000, 1000), seconds=rng.uniform(0.01, 1))
                 choose("set")
         assert len(one.rows()["tick"]) > 5
+
+
+def test_a_walk_starts_without_what_only_draws_pictures() -> None:
+    """matplotlib would take a third of a player's start."""
+    looks = "import sys, rabbit_viewer.play.player; sys.exit('matplotlib' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", looks], check=False).returncode == 0
