@@ -152,6 +152,19 @@ def test_what_is_wrong_is_refused_and_counted(world: Any) -> None:
     assert list(torques[0].torque) == first.u.tolist()
 
 
+def test_a_simulator_with_another_tick_is_refused_in_one_line_that_names_both(world: Any) -> None:
+    path = world.folder / "slow.py"
+    path.write_text((EXAMPLES / "segway.py").read_text().replace("duration=8.0", "duration=8.0, seconds=0.02"))
+    start(world, "controller", task=str(path))
+    hear(world, msg.TaskParameters, "parameters")
+    hear(world, msg.RobotState, "state")
+    start(world, "simulator", task=path_of("segway"), readers=2)
+    end = ended(world)
+    said = "tick_seconds = 0.01 of the simulator; this controller has 0.02"
+    assert (end.outcome, end.tick, end.reason) == ("fault", 0, said)
+    assert (world.folder / "log" / "controller.log").read_text().count(said) == 1
+
+
 @pytest.fixture
 def arm(world: Any) -> Iterator["subprocess.Popen[str]"]:
     """The teleoperated arm, in a process of its own."""

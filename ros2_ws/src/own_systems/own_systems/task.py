@@ -187,7 +187,7 @@ class ControlTask:
         return p
 
     @cached_property
-    def _later(self) -> NumpyFunction:
+    def later_by(self) -> NumpyFunction:
         """The state h seconds later under a held input, by Runge and Kutta's method of order 4."""
         system, h = self.system, ca.SX.sym("h")
         slope = ca.Function("slope", [system.x, system.p, system.u], [system.x_dot])
@@ -231,7 +231,7 @@ class ControlTask:
         """Through an impact too, which is located."""
 
         def later(seconds: float, since: Moved = now) -> Array:
-            x: Array = self._later(since.x, p, since.u, np.array([seconds])).x
+            x: Array = self.later_by(since.x, p, since.u, np.array([seconds])).x
             return x
 
         x = later(h)

@@ -10,7 +10,7 @@ import numpy as np
 from cbf_clf_qp.functions import Array
 from rabbit_common.message_arrays import doubles
 from rabbit_common.message_checks import Refused
-from rabbit_common.ros.conversions import is_new_simulator
+from rabbit_common.ros.conversions import is_new_simulator, other_tick
 from rabbit_common.ros.diagnostics import OK, WARN, Status
 from rabbit_common.ros.qos import EVENT, TICK
 from rabbit_common.ros.spin import run
@@ -81,6 +81,9 @@ class ControllerNode(TaskNode):
         if self._missing(message):
             if refusal := self._policies.refusal(self._named(message)):
                 self._give_up(message, refusal)
+            return
+        if fault := other_tick(self._episode, self.task.seconds):
+            self._give_up(message, fault)
             return
         sigma = 0.0 if math.isnan(self._episode.sigma) else self._episode.sigma
         noise = sigma * self._exploring.standard_normal(self._rider.problem.inputs)

@@ -127,6 +127,13 @@ def is_new_simulator(message: msg.Episode) -> bool:
     return message.phase == msg.Episode.WAITING and message.episode == 0
 
 
+def other_tick(message: msg.Episode, seconds: float) -> str:
+    """Why a controller whose ticks are so many `seconds` apart cannot walk this episode; empty: it can."""
+    if message.tick_seconds == seconds:
+        return ""
+    return f"tick_seconds = {message.tick_seconds:g} of the simulator; this controller has {seconds:g}"
+
+
 def check_plan(message: msg.EpisodePlan, done: Collection[int]) -> None:
     """Refuse a plan of noise that is none, or for another episode than the one after `done`."""
     if not 0 <= message.sigma <= LARGEST_SIGMA:

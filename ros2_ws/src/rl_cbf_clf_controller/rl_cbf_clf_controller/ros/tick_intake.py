@@ -14,9 +14,10 @@ from rabbit_common.ros.conversions import (
     is_new_simulator,
     is_unknown,
     nanoseconds,
+    other_tick,
     preview_of,
 )
-from rabbit_description.state import RobotState, StonePreview, newest_preview
+from rabbit_description.state import TICK_SECONDS, RobotState, StonePreview, newest_preview
 from rabbit_msgs.msg import Episode
 from rabbit_msgs.msg import RobotState as StateMessage
 from rabbit_msgs.msg import StonePreview as PreviewMessage
@@ -56,10 +57,10 @@ class TickIntake:
             self.early = message
             return None
         begins = self.turn[0] < message.episode == announced
-        fault = ""
+        fault = other_tick(self.episode, TICK_SECONDS) if begins and message.running else ""
         if begins and message.running and message.tick > 0:
             fault = f"the controller came in at tick {message.tick}, in the middle of the episode"
-        else:
+        if not fault:
             check_turn(turn, turn if begins and message.tick == 0 else (self.turn[0], self.turn[1] + 1))
             if unknown:
                 fault = f"the state of tick {message.tick} is not known: see the estimator's log"
