@@ -1,4 +1,4 @@
-"""Train the field's methods that the benchmark compares with: end-to-end RL, GPs."""
+"""Train the field's methods that this project is compared with: end-to-end RL, GPs."""
 
 from pathlib import Path
 from typing import Annotated, Literal
@@ -33,6 +33,26 @@ def end_to_end(
             print(f"written {train(options(learner, ticks=ticks, seed=seed, robots=robots), out)}")
     except KeyboardInterrupt as stop:
         fail("stopped; the same command goes on from the last line of the curve", code=of_interrupt(stop))
+
+
+@app.command()
+def task(
+    task: Annotated[str, typer.Argument(help="a .py file with a ControlTask, or an entry point in rabbit.systems")],
+    out: Out,
+    ticks: Annotated[int, typer.Option(min=1, max=10**11, help="ticks of all rides together")] = 1_000_000,
+    seed: Seed = 1,
+) -> None:
+    """Train a system of your own end to end by PPO; then rabbit system evaluate TASK --controller ppo:FILE."""
+    from own_systems.loading import load_task
+
+    from rabbit_rivals import task_policy
+
+    new_file(out)
+    with complaints(Exception):  # a task's file is code, and may raise anything
+        loaded = load_task(task)
+    with complaints(ValueError, OSError):
+        task_policy.train(loaded, ticks, seed).write(out)
+    print(f"written {out}")
 
 
 @app.command()

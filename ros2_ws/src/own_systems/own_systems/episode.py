@@ -3,7 +3,7 @@
 ride = Rider(task).ride("nominal", seed=1)        all ticks, and how it ended
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ import numpy as np
 from cbf_clf_qp.answer import Decided
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import Array
+from rabbit_description import plugins
 from rl_cbf_clf_controller.policy import ActorPolicy, LearnedPolicy
 from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.weights import PolicyFile, PolicyFileError, read
@@ -20,6 +21,7 @@ from rl_trainer.systems import SystemTick, SystemTicks
 from own_systems.task import Commands, ControlTask, TaskError
 
 NOMINAL, ORACLE = "nominal", "oracle"
+KINDS = "rabbit.task_controllers"  # entry points: functions of (task, path) that give an `OwnController`
 Controlling = LearnedPolicy | str  # a policy, or a controller's name
 
 
@@ -82,7 +84,9 @@ class Rider:
     """Rides a task. `problem` is what is learned on it; without one it can be ridden, and not learned on."""
 
     def __init__(self, task: ControlTask, problem: Problem | None = None) -> None:
-        self.task = task
+        self.task, self.own = task, dict(task.controllers)
+        self.true = dict(task.true)  # of the plant; may change between two ticks
+        self.altered: Callable[[Commands], Commands] = lambda commands: commands  # what an episode's become
         terms = task.tick.terms
         observed = tuple(task.observed)
         units = tuple((name, 0.0, 1.0) for name in observed)
@@ -93,14 +97,21 @@ class Rider:
     @property
     def names(self) -> tuple[str, ...]:
         """Of the controllers that are no policies."""
-        return NOMINAL, ORACLE, *self.task.controllers
+        return NOMINAL, ORACLE, *self.own
 
     def controlling(self, name: str) -> Controlling:
-        """A controller by its name, or a policy by its file; raises `TaskError`."""
+        """A controller by its name, a policy by its file, or KIND:FILE of a package; raises `TaskError`."""
         if name in self.names:
             return name
+        kind, _, path = name.partition(":")
+        if path:
+            try:
+                self.own[name] = plugins.load(KINDS, kind)(self.task, Path(path))
+            except plugins.PluginError as error:
+                raise TaskError(str(error)) from error
+            return name
         if not name.endswith(".safetensors"):
-            raise TaskError(f"controller {name}: expected {', '.join(self.names)}, or a policy's file")
+            raise TaskError(f"controller {name}: expected {', '.join(self.names)}, a policy's file, or KIND:FILE")
         try:
             return self.fitted(read(Path(name)))
         except PolicyFileError as error:
@@ -133,6 +144,7 @@ class Rider:
         """The ticks of an episode, one after another, until it ends; `ride` is told how."""
         task, k, impacts, outcome = self.task, 0, 0, ""
         x, commands, exploring = beginning(task, seed)
+        commands = self.altered(commands)
         self.begin(controlling)
         while not outcome:
             time = k * task.seconds
@@ -140,7 +152,7 @@ class Rider:
             added = noise * exploring.standard_normal(self.problem.inputs)
             moment = self.moment(controlling, time, x, task.parameters_at({}, commanded), added)
             yield replace(moment, impacts=impacts) if impacts else moment
-            true = task.parameters_at(task.true, commanded)
+            true = task.parameters_at(self.true, commanded)
             moved = task.moved(x, true, moment.u)
             x, k, impacts = moved.x, k + 1, impacts + moved.impacts
             if moved.impacts:  # the next tick does not follow from this one by the model
@@ -153,11 +165,11 @@ class Rider:
         """The first tick of an episode comes next."""
         self.task.tick.reset()
         policy = controlling if isinstance(controlling, LearnedPolicy) else None
-        self.ticks.begin(policy, self.task.true if controlling == ORACLE else None)
+        self.ticks.begin(policy, self.true if controlling == ORACLE else None)
 
     def moment(self, controlling: Controlling, time: float, x: Array, p: Array, noise: Array) -> Moment:
         """The tick at a state."""
-        own = self.task.controllers.get(controlling) if isinstance(controlling, str) else None
+        own = self.own.get(controlling) if isinstance(controlling, str) else None
         if own:
             u = np.asarray(own(x, p), dtype=float).reshape(self.task.system.u.numel())
             return Moment(time, x, p, u.clip(-self._limit, self._limit), self.task.tick.look(x, p).barriers)

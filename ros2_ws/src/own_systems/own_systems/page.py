@@ -1,65 +1,134 @@
-"""A ride as one HTML file that opens from disk: its rows with their limits, and what `draw` makes of each state."""
+"""A ride on the page in the browser: each tick as a row of numbers, with the QP's rows and what `draw` makes of it."""
 
-import json
-from importlib.resources import files
-from itertools import chain
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.colors import to_hex
-from rabbit_viewer.page.files import text
+from cbf_clf_qp.functions import Array
+from matplotlib.colors import to_rgb
+from rabbit_viewer.page.broadcast import Broadcast
+from rabbit_viewer.page.recording import serve_or_write
+from rabbit_viewer.page.rows import EVENTS, packed
+from rl_cbf_clf_controller.explanation import changes, explain
 
-from own_systems.episode import Ride
-from own_systems.pictures import COLOURS, box_of, drawn, panels_of
+from own_systems.episode import Moment, Ride
 from own_systems.shapes import Line, Shape
+from own_systems.task import ControlTask
 
-DIGITS = 6  # of a number on the page
-
-
-def write_page(ride: Ride, path: Path) -> Path:
-    """Raises OSError where it cannot be written."""
-    page = (files("own_systems") / "ride.html").read_text(encoding="utf-8")
-    data = json.dumps(page_data(ride), allow_nan=False).replace("<", "\\u003c")
-    parts = {"uplot.css": text("uplot/uPlot.min.css"), "uplot.js": text("uplot/uPlot.iife.min.js"), "ride": data}
-    for name, part in parts.items():
-        page = page.replace(f"/*{name}*/", part)
-    path.write_text(page, encoding="utf-8")
-    return path
+OF_A_ROW = ("margin", "active", "slack", "multiplier")  # of the QP
+COMMON = ("tick", "running", "events", "touchdowns")  # of all that the page shows
 
 
-def page_data(ride: Ride) -> dict[str, Any]:
-    """All that the page shows: a column for each curve, a picture for every `step` ticks."""
-    step, pictures = drawn(ride) if ride.task.draw else (1, [])
-    corners = box_of(list(chain(*pictures))) if pictures else np.zeros((2, 2))
-    panels = [
-        {
-            "name": panel.name,
-            "names": list(panel.names),
-            "values": [column(values) for values in panel.values.T],
-            "limits": panel.limits,
-            "colours": [COLOURS[k % len(COLOURS)] for k in range(len(panel.names))],
-        }
-        for panel in panels_of(ride)
-    ]
-    return {
-        "title": ride.title,
-        "time": column(np.array([moment.time for moment in ride.moments])),
-        "panels": panels,
-        "step": step,
-        "pictures": [[shape_of(shape) for shape in shapes] for shapes in pictures],
-        "box": column(corners.ravel()),
-    }
+class RideRows:
+    """`row`: a tick's numbers in the order of `columns`, NaN where there is none; `about`: what the page is told.
+
+    Of the QP's rows with one name, such as both bounds', the one that leaves least, or gives way most, is told. `most`:
+    numbers that a picture may take; what a later one draws beyond that is not shown.
+    """
+
+    def __init__(self, task: ControlTask, most: int = 0) -> None:
+        self.task, self._most = task, most
+        self._rows = list(dict.fromkeys(task.tick.layout.names))
+        of = np.array(task.tick.layout.names)
+        self._places = [np.flatnonzero(of == name) for name in self._rows]
+        self._barriers = [each.name for each in task.barriers]
+        self._inputs = [f"u_{name}" for name in task.names_of_u]
+        of_rows = [f"{kind}_{name}" for kind in OF_A_ROW for name in self._rows]
+        shapes = [f"shape{i}" for i in range(most)]
+        self.columns = [*COMMON, "V", *self._barriers, *self._inputs, *of_rows, *shapes]
+
+    def about(self, name: str, title: str) -> dict[str, Any]:
+        """Of one controller's rides."""
+        limits = [] if self.task.limit is None else [-self.task.limit, self.task.limit]
+        slacks = [f"slack_{self._rows[i]}" for i in range(len(self._rows)) if not self._is_limit(i)]
+        panels = [
+            {"title": "barriers B", "columns": self._barriers, "limits": [0]},
+            {"title": "V", "columns": ["V"] if "V" in self.task.tick.names else [], "log": True},
+            {"title": "input u", "columns": self._inputs, "limits": limits},
+            {"title": "slack", "columns": slacks},
+            {"title": "what a row leaves", "of": "row", "columns": ["margin", "active"], "limits": [0]},
+            {"title": "what it costs", "of": "row", "columns": ["multiplier"]},
+        ]
+        told = {"name": name, "title": title, "columns": self.columns, "quantities": [], "barriers": self._barriers}
+        return {**told, "panels": panels, "shapes": self._most}
+
+    def _is_limit(self, i: int) -> bool:
+        return bool(self._places[i][0] >= len(self.task.tick.layout.names) - self.task.tick.limits)
+
+    def row(self, tick: int, moment: Moment, running: bool = True) -> list[float]:
+        """Of a moment."""
+        task, decided = self.task, moment.decided
+        is_saturated = task.limit is not None and bool(np.abs(moment.u).max() >= task.limit)
+        numbers = [float(tick), float(running), float(EVENTS["saturated"] * is_saturated), float(moment.impacts)]
+        numbers += [float(moment.seen.V[0]) if moment.seen is not None and "V" in task.tick.names else np.nan]
+        numbers += [*moment.barriers.tolist(), *moment.u.tolist()]
+        if decided is None:
+            numbers += [np.nan] * (len(OF_A_ROW) * len(self._rows))
+        else:
+            values = decided.values
+            numbers += [float(values.row_margin[at].min()) for at in self._places]
+            numbers += [0.0 if name in decided.active else np.nan for name in self._rows]
+            numbers += [float(values.slack[at].max()) for at in self._places]
+            numbers += [float(np.abs(values.multiplier[at]).max()) for at in self._places]
+        return numbers + numbers_of(pictured(task, moment.x, moment.p), self._most)
 
 
-def column(values: np.ndarray[Any, Any]) -> list[float | None]:
-    """Numbers as JSON has them; None where there is none."""
-    return [float(f"{value:.{DIGITS}g}") if np.isfinite(value) else None for value in values.tolist()]
+def pictured(task: ControlTask, x: Array, p: Array) -> Sequence[Shape]:
+    """What `draw` makes of a state; nothing, of a task without."""
+    return task.draw(x, dict(zip(task.system.named, p, strict=True))) if task.draw else ()
 
 
-def shape_of(shape: Shape) -> dict[str, Any]:
-    """With a colour that a browser knows."""
-    colour = to_hex(shape.colour)
-    if isinstance(shape, Line):
-        return {"points": [column(p) for p in np.asarray(shape.points, float)], "colour": colour, "width": shape.width}
-    return {"centre": column(np.asarray(shape.centre, float)), "radius": float(shape.radius), "colour": colour}
+def numbers_of(shapes: Sequence[Shape], most: int | None = None) -> list[float]:
+    """A picture as numbers: of each shape how many points (a disc has none), colour, width or radius, then x, z; NaN
+    fills up to `most`."""
+    numbers = list[float]()
+    for shape in shapes:
+        points = np.atleast_2d(np.asarray(shape.points if isinstance(shape, Line) else shape.centre, dtype=float))
+        red, green, blue = (round(255 * each) for each in to_rgb(shape.colour))
+        count, size = (len(points), shape.width) if isinstance(shape, Line) else (0, shape.radius)
+        new = [float(count), float(red << 16 | green << 8 | blue), float(size), *points.ravel().tolist()]
+        if most is not None and len(numbers) + len(new) > most:
+            break
+        numbers += new
+    return numbers if most is None else numbers + [np.nan] * (most - len(numbers))
+
+
+def show(ride: Ride, port: int, opens_browser: bool, export: Path | None) -> None:
+    """Serve a ride until Ctrl-C, or write it to the file `export`; raises `PageError`."""
+    broadcast, task = Broadcast(), ride.task
+    rows = RideRows(task, max(len(numbers_of(pictured(task, m.x, m.p))) for m in ride.moments))
+    about = {"mode": "recording", "title": ride.title, "tick_seconds": task.seconds}
+    about |= {} if export else {"explains": True}
+    broadcast.begin({**about, "walkers": [rows.about(ride.controller, ride.title)]})
+    broadcast.add(packed([number for k, moment in enumerate(ride.moments) for number in rows.row(k, moment)]))
+    broadcast.say("ended", {"walkers": [ended_of(ride)]})
+    serve_or_write(broadcast, lambda tick: explained(ride, tick), port, opens_browser, export)
+
+
+def ended_of(ride: Ride) -> dict[str, Any]:
+    """How a ride ended, for the page: in words, and in which tick a barrier was least."""
+    how: dict[str, Any] = {"outcome": ride.outcome, "stones": ride.impacts}
+    if not ride.moments:
+        return how
+    told = [f"{ride.controller}: {ride.outcome}"]
+    values = np.array([moment.barriers for moment in ride.moments])
+    for barrier, of in zip(ride.task.barriers, values.T, strict=True):
+        least, tick = float(of.min()), int(of.argmin())
+        word = "kept" if least >= -ride.task.tolerance else "broken"
+        told.append(f"{barrier.name} {word}, at least {least:.3g} at {ride.moments[tick].time:.2f} s")
+    worst = int(values.min(axis=1).argmin()) if values.size else len(ride.moments) - 1
+    return {**how, "reason": "; ".join(told) + ".", "tick": worst}
+
+
+def explained(ride: Ride, tick: int) -> list[str]:
+    """A tick in words, and what changed since the one before; raises ValueError where there is nothing to explain."""
+    if not 0 <= tick < len(ride.moments):
+        raise ValueError(f"tick {tick} of {ride.controller}: expected one from 0 to {len(ride.moments) - 1}")
+    now, *before = [ride.moments[k] for k in (tick, tick - 1) if k >= 0]
+    if now.decided is None:
+        raise ValueError(f"tick {tick} of {ride.controller}: it has no QP")
+    of = [explain(ride.task.tick, m.x, m.p, m.estimates, m.decided) for m in (now, *before)]
+    changed = changes(of[1], of[0]) or ["no row changed"] if before else ["it is the first"]
+    head = f"{ride.task.name}, {ride.controller}, tick {tick} ({now.time:.2f} s), answered by {now.decided.solver}"
+    return [head, "", *of[0].lines(), "", "Since the tick before:", *(f"  {each}" for each in changed)]

@@ -14,6 +14,7 @@ from rabbit_common.message_arrays import array_of, doubles
 from rabbit_common.message_checks import Refused
 from rabbit_recording import RecordingError
 from rabbit_recording.bag_writer import BagWriter, graph_types
+from rabbit_recording.open_recording import one_line_errors
 from rabbit_recording.reader import iterate_inventories, messages
 from rl_cbf_clf_controller.policy import ActorPolicy
 from rl_cbf_clf_controller.weights import PolicyFileError, decode
@@ -188,6 +189,9 @@ def recorded_controller(rider: Rider, path: Path, by: str, policies: dict[str, b
         return NOMINAL
     if by in rider.names:
         return by
+    if ":" in by:
+        with one_line_errors(path, f"controller {by}"):
+            return rider.controlling(by)
     try:
         return rider.fitted(decode(policies[by]))
     except (KeyError, PolicyFileError, ValueError) as error:

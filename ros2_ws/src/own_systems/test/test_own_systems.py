@@ -1,7 +1,10 @@
 """A cart before a wall, half as heavy in its model: what follows from the task is compared with closed forms."""
 
+import base64
 import csv
+import gzip
 import json
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -10,6 +13,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from cbf_clf_qp import Clf, System
+from own_cart import CART, LIMIT, POLE
 from own_systems import ControlTask, TaskError, recording
 from own_systems.commands.system import app
 from own_systems.episode import Rider
@@ -21,21 +25,6 @@ from rabbit_recording.commands.bag import app as bag_app
 from rabbit_recording.contents import contents
 from scipy.linalg import expm
 from typer.testing import CliRunner
-
-POLE, LIMIT = 4.0, 20.0  # 1/s, N
-CART = """
-import casadi as ca
-from cbf_clf_qp import Barrier, Clf, System
-from own_systems import ControlTask, Disc
-x, v, u, mass, target = (ca.SX.sym(name) for name in ("x", "v", "u", "mass", "target"))
-TASK = ControlTask(
-    "cart", System(ca.vertcat(x, v), u, ca.vertcat(v, u / mass), parameters=[mass, target]),
-    [Clf(x - target), Barrier("wall", 1 - x, poles=(4.0, 4.0))], limit=20.0,
-    nominal={"mass": 1.0}, true={"mass": 2.0}, start=((-0.1, 0.0), (0.1, 0.0)),
-    commands=lambda rng: lambda t: {"target": 1.2}, duration=3.0, tolerance=1e-3,
-    coordinates=("x",), draw=lambda x, p: [Disc((x[0], p["target"]), 0.1)],
-)
-"""
 
 
 @pytest.fixture
@@ -241,12 +230,14 @@ def test_the_commands(cart, task, tmp_path):
     assert (code, (tmp_path / "p" / "rows.png").read_bytes()) == (0, (tmp_path / "r" / "rows.png").read_bytes()), said
     code, said = typed("show", bag, "--task", cart, "--export", tmp_path / "ride.html", of=bag_app)
     assert code == 0, said
-    told = json.loads((tmp_path / "ride.html").read_text().split('id="ride">')[1].split("</script>")[0])
-    assert told["title"].startswith("cart, oracle, seed 1: done")
-    assert {panel["name"]: panel["limits"] for panel in told["panels"]} == {
-        **{"barriers": [0.0], "V": [], "u": [LIMIT, -LIMIT], "slack": []}
-    }
-    assert (len(told["time"]), len(told["pictures"]) * told["step"]) == (300, 300)
+    found = re.search(r'id="walk-data">(.*?)</script>', (tmp_path / "ride.html").read_text())
+    assert found
+    walk = json.loads(found[1])
+    about = next(word for word in walk["words"] if word["type"] == "about")
+    assert about["title"].startswith("cart, oracle, seed 1: done")
+    panels = {panel["title"]: panel.get("limits", []) for panel in about["walkers"][0]["panels"]}
+    assert (panels["barriers B"], panels["input u"]) == ([0], [-LIMIT, LIMIT])
+    assert len(gzip.decompress(base64.b64decode(walk["rows"]))) == 4 * 300 * len(about["walkers"][0]["columns"])
     cart.write_text(CART.replace("(4.0, 4.0)", "(4.0, 5.0)"))
     code, said = typed("check", tmp_path / "r" / "recording", cart)
     assert code == 1

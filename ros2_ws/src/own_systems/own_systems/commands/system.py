@@ -1,11 +1,9 @@
-"""A control task of your own: evaluate, train, ride, check."""
+"""A control task of your own: evaluate, train, ride, play, check."""
 
 import csv
 import json
-import webbrowser
 from collections import Counter
 from pathlib import Path
-from tempfile import mkdtemp
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -176,6 +174,31 @@ def ride(
 
 
 @app.command()
+def play(
+    task: Task,
+    controller: Annotated[str, typer.Option(help="names, or policy files", metavar="NAME,...")] = "nominal,oracle",
+    seed: Seed = 1,
+    port: Annotated[int, typer.Option(help="port of the page; 0: any free one", min=0, max=65535)] = 8765,
+    browser: Annotated[bool, typer.Option(help="open the page in a browser")] = True,
+) -> None:
+    """Watch two controllers ride side by side in the browser, and change the true system as they do."""
+    loaded = load(task)
+    from rabbit_viewer.page import PageError
+    from rabbit_viewer.play.serving import serve
+    from rabbit_viewer.play.settings import PlayError
+
+    from own_systems.episode import Rider
+    from own_systems.play import Start, TaskDoor, play
+
+    rider, names = Rider(loaded), tuple(controller.split(","))
+    with complaints(ValueError):
+        for name in names:
+            rider.controlling(name)
+    with complaints(PageError, PlayError):
+        serve(TaskDoor, play, Start(task, names, seed), port, browser)
+
+
+@app.command()
 def check(
     recording: Annotated[Path, typer.Argument(help="a recording's folder, or its .mcap file")],
     task: Task,
@@ -204,16 +227,17 @@ def plot_recording(recording: Path, task: str, out: Path | None, episode: int | 
     draw_all(ridden, own_folder(folder, "bag plot"), form)
 
 
-def show_recording(recording: Path, task: str, browser: bool, export: Path | None, episode: int | None) -> None:
-    """`rabbit bag show --task`: rows and pictures on a page that opens from disk."""
-    from own_systems.page import write_page
+def show_recording(
+    recording: Path, task: str, port: int, browser: bool, export: Path | None, episode: int | None
+) -> None:
+    """`rabbit bag show --task`: rows and pictures on the page."""
+    from rabbit_viewer.page import PageError
+
+    from own_systems.page import show
 
     ridden = recorded(load(task), recording, episode)
-    with complaints(OSError):
-        path = write_page(ridden, export or Path(mkdtemp()) / "ride.html")
-    print(path)
-    if browser and not export:
-        webbrowser.open(path.absolute().as_uri())
+    with complaints(PageError):
+        show(ridden, port, browser, export)
 
 
 def recorded(task: "ControlTask", recording: Path, episode: int | None) -> "Ride":

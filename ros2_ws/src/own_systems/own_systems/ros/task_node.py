@@ -29,7 +29,7 @@ class NodeParameters(policies.NodeParameters):
     """Which task, and which of its controllers begins."""
 
     task: str = Field("", description=TASK)
-    policy: str = Field(NOMINAL, description="nominal, oracle, one of the task's own controllers, or a policy's file")
+    policy: str = Field(NOMINAL, description="nominal, oracle, one of the task's own, KIND:FILE, or a policy's file")
 
 
 class TaskNode(CheckedNode):
@@ -49,7 +49,9 @@ class TaskNode(CheckedNode):
             raise TaskError(f"policy oracle: expected true parameters in the task {self.task.name}; it has none")
         self._rider = Rider(self._ridden(self.task))
         name = self._own.policy
-        name = name if name in (ORACLE, *self.task.controllers) else NOMINAL
+        if ":" in name:
+            self._rider.controlling(name)
+        name = name if name in self._rider.names else NOMINAL
         built_in = policies.CheckedPolicy(name, "built in", name)
         self._policies = policies.Policies(self, self._own, built_in, self._rider.fitted, self._sender, self._go_on)
         self.close = self._policies.close

@@ -92,9 +92,9 @@ def show(
     episode: Episode = None,
     task: Task = None,
 ) -> None:
-    """Show a run or a recording in the browser, with a time line to drag; a task's is a file that needs no port."""
+    """Show a run or a recording in the browser, with a time line to drag."""
     if task:
-        brought("rabbit.tasks", "show")(source, task, browser, export, episode)
+        brought("rabbit.tasks", "show")(source, task, port, browser, export, episode)
         return
     show_recording = brought("rabbit.pictures", "page")
     with complaints(ValueError, RuntimeError):

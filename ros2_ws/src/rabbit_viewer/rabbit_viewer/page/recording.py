@@ -2,6 +2,7 @@
 
 import threading
 import time
+from collections.abc import Callable
 from contextlib import closing, suppress
 from pathlib import Path
 from types import SimpleNamespace
@@ -33,21 +34,30 @@ def show_recording(source: Path, port: int, opens_browser: bool, export: Path | 
     bag = source / RECORDING if (source / RECORDING).exists() else source
     has_ticks = not (bag / RECORDS).exists()  # and not the arrays alone
     fill(broadcast, records_of(source, episode), source.name, has_ticks and not export)
+    serve_or_write(broadcast, lambda tick: explain_tick(bag, tick, episode).lines(), port, opens_browser, export)
+
+
+def serve_or_write(
+    broadcast: Broadcast, explain: Callable[[int], list[str]], port: int, opens_browser: bool, export: Path | None
+) -> None:
+    """Serve what is told until Ctrl-C, or write it to the file `export`; raises `PageError`.
+
+    `explain` gives a tick in words; it may raise `ValueError` or `RecordingError`.
+    """
     if export:
         print(write_page(export, broadcast))
-    else:
-        explainer = Explainer(broadcast, bag, episode)
-        with closing(PageServer(broadcast, explainer, port)) as page, suppress(KeyboardInterrupt):
-            page.announce(opens_browser)
-            while True:
-                time.sleep(1)
+        return
+    with closing(PageServer(broadcast, Explainer(broadcast, explain), port)) as page, suppress(KeyboardInterrupt):
+        page.announce(opens_browser)
+        while True:
+            time.sleep(1)
 
 
 class Explainer:
     """Explains ticks of a recording, one at a time, in a thread of its own: a replay takes a second or more."""
 
-    def __init__(self, broadcast: Broadcast, bag: Path, episode: int | None) -> None:
-        self._broadcast, self._bag, self._episode = broadcast, bag, episode
+    def __init__(self, broadcast: Broadcast, explain: Callable[[int], list[str]]) -> None:
+        self._broadcast, self._lines = broadcast, explain
         self._thread = threading.Thread()
 
     def __call__(self, message: str) -> str:
@@ -64,8 +74,8 @@ class Explainer:
 
     def _explain(self, tick: int) -> None:
         try:
-            lines = explain_tick(self._bag, tick, self._episode).lines()
-        except RecordingError as error:
+            lines = self._lines(tick)
+        except (RecordingError, ValueError) as error:
             lines = [str(error)]
         self._broadcast.say("explained", {"walker": 0, "tick": tick, "lines": lines})
 

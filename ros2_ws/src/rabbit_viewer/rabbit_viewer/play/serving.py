@@ -10,7 +10,7 @@ import queue
 import re
 import signal
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager, suppress
 from functools import partial
 from multiprocessing.connection import Connection, wait
@@ -39,33 +39,54 @@ SPAWN = multiprocessing.get_context("spawn")
 
 
 class Door:
-    """Checks what browsers ask of a walk, and hands it to `put`, which may raise `queue.Full`."""
+    """Checks what browsers ask, and hands it to `put`, which may raise `queue.Full`."""
 
-    def __init__(self, start: Start, put: Callable[[Asked], object]) -> None:
-        self._start, self._plant, self._put = start, start.plant, put
+    def __init__(self, start: Any, put: Callable[[Any], object]) -> None:
+        self._start, self._put = start, put
 
     def __call__(self, message: str) -> str:
         """Empty, or why the message is refused."""
         try:
-            asked = ASKED.validate_json(message)
-            if isinstance(asked, Set | Begin):
-                plant_of(self._plant, asked.settings)
-                self._start.check(asked.settings)
+            self._put(self.checked(message))
         except ValidationError as error:
             return refused(INSIDE.sub(r"\1", fault(error)))
         except PlayError as error:
             return refused(error)
-        if isinstance(asked, Push) and self._plant.plant == "rigid":
-            return "push: expected the plant pybullet or mujoco"
-        try:
-            self._put(asked)
         except queue.Full:
             return BUSY
         return ""
 
+    def checked(self, message: str) -> Any:
+        """What is asked of a walk; raises `ValidationError`, `PlayError`."""
+        asked, plant = ASKED.validate_json(message), self._start.plant
+        if isinstance(asked, Set | Begin):
+            plant_of(plant, asked.settings)
+            self._start.check(asked.settings)
+        if isinstance(asked, Push) and plant.plant == "rigid":
+            raise PlayError("push: expected the plant pybullet or mujoco")
+        return asked
+
 
 def serve_play(start: Start, port: int, opens_browser: bool) -> None:
+    """Play a walk, and serve it with what learns beside it; see `serve`."""
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(TemporaryDirectory(prefix="rabbit_play_"))) if start.learns else None
+        beside = [(learn, start, folder)] if folder else []
+        serve(Door, play, start, port, opens_browser, beside)
+
+
+def serve(
+    door: type[Door],
+    player: Callable[..., None],
+    start: Any,
+    port: int,
+    opens_browser: bool,
+    beside: Sequence[tuple[Any, ...]] = (),
+) -> None:
     """Play and serve until Ctrl-C or SIGTERM, or until the player has ended.
+
+    `player` is called in a process of its own with what it sends by, `start`, and what is asked, once the `door` has
+    checked it; so is each target of those `beside`, with its arguments.
 
     Raises:
         PageError: the port is taken.
@@ -74,16 +95,13 @@ def serve_play(start: Start, port: int, opens_browser: bool) -> None:
     broadcast, wishes = Broadcast(), SPAWN.Queue(MOST_WAITING)
     wishes.cancel_join_thread()  # what the player has not taken at the end is lost
     with ExitStack() as stack:
-        page = PageServer(broadcast, Door(start, wishes.put_nowait), port)
+        page = PageServer(broadcast, door(start, wishes.put_nowait), port)
         stack.enter_context(closing(page))
         stack.enter_context(suppress(KeyboardInterrupt))
-        player = stack.enter_context(process(play, start, wishes))
-        sources = [player]
-        if start.learns:
-            folder = Path(stack.enter_context(TemporaryDirectory(prefix="rabbit_play_")))
-            sources.append(stack.enter_context(process(learn, start, folder, wishes)))
+        playing = stack.enter_context(process(player, start, wishes))
+        sources = [playing, *(stack.enter_context(process(*each, wishes)) for each in beside)]
         page.announce(opens_browser)  # with its processes begun, which a flood of connections would keep from beginning
-        while player in sources:
+        while playing in sources:
             ready: list[Any] = wait(sources)
             for source in ready:
                 try:

@@ -163,11 +163,17 @@ def controller_of(
 
 
 def controls(start: "Start | None" = None) -> list[dict[str, Any]]:
-    """What the page shows of each setting, the robots first: name, title, choices or bounds, step, unit, when."""
-    fields = PlaySettings.model_json_schema()["properties"]
+    """What the page shows of each setting, the robots first, see `described`."""
     absent = {YOURS: not (start and start.yours), RECORDED: not (start and start.recording)}
-    for name in ROBOTS:
-        fields[name]["enum"] = [choice for choice in fields[name]["enum"] if not absent.get(choice)]
-    shown = ("title", "enum", "minimum", "maximum", "step", "unit", "when", "group", "type", "default")
-    found = [{"name": name, **{key: schema[key] for key in shown if key in schema}} for name, schema in fields.items()]
+    found = described(PlaySettings)
+    for control in found:
+        if control["name"] in ROBOTS:
+            control["enum"] = [choice for choice in control["enum"] if not absent.get(choice)]
     return sorted(found, key=lambda control: control["name"] not in ROBOTS)
+
+
+def described(settings: type[BaseModel]) -> list[dict[str, Any]]:
+    """Of each setting its name, title, choices or bounds, step, unit, when it acts."""
+    shown = ("title", "enum", "minimum", "maximum", "step", "unit", "when", "group", "type", "default")
+    fields = settings.model_json_schema()["properties"].items()
+    return [{"name": name, **{key: schema[key] for key in shown if key in schema}} for name, schema in fields]

@@ -12,12 +12,12 @@ export class Controls {
     this.isLinked = false;
   }
 
-  build(description, options) {
+  build({controls: description, options, pushes}) {
     this.options = options;
     this.defaults = Object.fromEntries(description.map((control) => [control.name, control.default]));
     if (this.fields.size) return;
     this.section.hidden = false;
-    this.section.append(this.actions());
+    this.section.append(this.actions(pushes));
     const grouped = (control) => Number(Boolean(control.group)); // what opens comes last
     for (const control of [...description].sort((one, other) => grouped(one) - grouped(other))) this.place(control.group).append(this.field(control));
   }
@@ -35,7 +35,7 @@ export class Controls {
     return this.groups.get(group);
   }
 
-  actions() {
+  actions(pushes) {
     const box = Object.assign(document.createElement("div"), {className: "wide"});
     const button = (id, text, title, message) => {
       const made = Object.assign(document.createElement("button"), {id, textContent: text, title});
@@ -47,9 +47,11 @@ export class Controls {
     button("tick", "Tick", "one tick (.)", () => ({do: "tick"}));
     button("reset", "Reset", "again, with these settings (r)", () => ({do: "reset"}));
     button("next", "Next course", "another course (n)", () => this.another());
-    button("push-back", "Push back", "(left)", () => ({do: "push", force: -this.force, seconds: 0.1}));
-    button("push-on", "Push on", "(right)", () => ({do: "push", force: this.force, seconds: 0.1}));
-    box.append(this.slider("force", "push", 20, 600, 20, 200, "N", () => {}));
+    if (pushes) {
+      button("push-back", "Push back", "(left)", () => ({do: "push", force: -this.force, seconds: 0.1}));
+      button("push-on", "Push on", "(right)", () => ({do: "push", force: this.force, seconds: 0.1}));
+      box.append(this.slider("force", "push", 20, 600, 20, 200, "N", () => {}));
+    }
     box.append(this.slider("speed", "speed", 0.05, 2, 0.05, 1, "x", (value) => this.send({do: "speed", speed: value})));
     return box;
   }

@@ -5,7 +5,7 @@ import {Controls} from "controls";
 import {GraphControls} from "graph";
 import {showLearning} from "learning";
 import {Plots} from "plots";
-import {Scene} from "scene";
+import {Picture, Scene} from "scene";
 import {open} from "source";
 import {Story} from "story";
 import {onTheme, toggle} from "theme";
@@ -72,13 +72,14 @@ function begin(about) {
   by("title").textContent = about.title ?? "";
   document.title = `RABBIT ${about.title ?? ""}`;
   by("scenes").replaceChildren();
-  state.scenes = state.walk.walkers.map((walker) => new Scene(by("scenes"), walker));
+  state.scenes = state.walk.walkers.map((walker) => new ("shapes" in walker.about ? Picture : Scene)(by("scenes"), walker));
   clock.begin(state.walk, source.isLive && about.mode !== "recording", about.mode !== "graph");
   story.begin(about);
   by("why").hidden = true;
   timeline.begin();
   plots.begin(state.walk);
-  if (about.controls && source.isLive) controls.build(about.controls, about.options);
+  if (about.controls && source.isLive) controls.build(about);
+  legend();
   if (about.control && source.isLive) graph.build();
 }
 
@@ -158,8 +159,9 @@ function ending(i, row) {
 
 function legend() {
   const items = [["stance", "stance leg, thick"], ["swing", "swing leg, dashed"], ["next", "next stone"], ["area", "both barriers allow the swing foot"], ["cone", "friction cone"], ["force", "ground force"]];
-  const marks = Object.values(MARKS).map(([name, text]) => [name, text, "mark"]);
-  by("legend").replaceChildren(...[...items, ...marks].map(([name, text, kind = ""]) => {
+  const isWalk = !state.walk?.walkers.some(({about}) => "shapes" in about);
+  const marks = Object.entries(MARKS).filter(([kind]) => isWalk || kind === "saturated").map(([, [name, text]]) => [name, text, "mark"]);
+  by("legend").replaceChildren(...[...(isWalk ? items : []), ...marks].map(([name, text, kind = ""]) => {
     const item = document.createElement("span"), box = document.createElement("i");
     box.className = kind;
     box.style.background = `var(--${name})`;

@@ -44,9 +44,10 @@ export class Plots {
     for (const {plot} of this.plots) plot.destroy();
     this.panels.replaceChildren();
     this.chooser();
-    const panels = PANELS.map((panel) => ({...panel, columns: panel.columns.call ? panel.columns(this.walker.about) : panel.columns}));
+    const {about} = this.walker, of = (value) => (value?.call ? value(about) : value);
+    const panels = (about.panels ?? PANELS).map((panel) => ({...panel, columns: of(panel.columns), limits: of(panel.limits) ?? []}));
     const wanted = panels.filter((panel) => panel.of ? this.names(panel).length : panel.columns.some((name) => this.walker.has(name)));
-    this.plots = wanted.map((panel, i) => this.panel(panel, i === wanted.length - 1));
+    this.plots = wanted.map((panel, i) => this.panel(panel, i === wanted.length - 1, wanted.findIndex(({of}) => of === panel.of) === i));
     this.draw();
   }
 
@@ -66,7 +67,8 @@ export class Plots {
     return this.walker.about.columns.filter((name) => name.startsWith("margin_")).map((name) => name.slice(7));
   }
 
-  panel(panel, isLast) {
+  // `chooses`: the first panel of one of several has their names
+  panel(panel, isLast, chooses) {
     const names_of = panel.of ? this.names(panel) : [], name = names_of[Math.min(this.of[panel.of], names_of.length - 1)];
     if (panel.of) panel = {...panel, columns: panel.columns.filter((kind) => this.walker.has(`${kind}_${name}`))};
     const box = Object.assign(document.createElement("div"), {className: "panel"});
@@ -74,15 +76,15 @@ export class Plots {
     const names = panel.columns.map((name, i) => {
       const label = document.createElement("b"), line = document.createElement("i");
       line.style.borderTopStyle = i ? "dashed" : "solid";
-      line.style.borderTopColor = `var(--plot${i + 1})`;
-      label.append(line, WORDS[name] ?? name.replace("torque_", "").replace("_", " "));
+      line.style.borderTopColor = `var(--${hue(i)})`;
+      label.append(line, WORDS[name] ?? name.replace(/^(torque|u|slack)_/, "").replace("_", " "));
       return label;
     });
-    title.append(...(panel.of ? [this.chooserOf(panel, names_of), ...names] : names));
+    title.append(...(panel.of && chooses ? [this.chooserOf(panel, names_of), ...names] : names));
     box.append(title);
     this.panels.append(box);
     const columns = panel.of ? panel.columns.map((kind) => `${kind}_${name}`) : panel.columns;
-    const limits = (panel.limits?.(this.walker.about) ?? []).filter(Number.isFinite);
+    const limits = panel.limits.filter(Number.isFinite);
     const plot = new uPlot(this.options(panel, columns, limits, isLast), columns.map(() => []).concat([[]]), box);
     plot.over.addEventListener("click", () => this.clock.seek(this.clock.rowAt(plot.posToVal(plot.cursor.left, "x"))));
     return {plot, columns, panel};
@@ -110,7 +112,7 @@ export class Plots {
         {...axis, size: isLast ? 22 : 4, values: isLast ? (_, ticks) => ticks.map((tick) => `${tick} s`) : () => []},
         {...axis, size: 46, ...(panel.log && {grid: {...axis.grid, filter: decades}, values: (_, ticks) => ticks.map((tick) => (tick >= 0.001 ? tick : tick?.toExponential(0)))})},
       ],
-      series: [{}, ...columns.map((_, i) => ({stroke: () => colour(`plot${i + 1}`), width: 1.3, dash: DASHES[i], points: {show: false}, spanGaps: false}))],
+      series: [{}, ...columns.map((_, i) => ({stroke: () => colour(hue(i)), width: columns[i].startsWith("active_") ? 5 : 1.3, dash: DASHES[i % 4], points: {show: false}, spanGaps: false}))],
       hooks: {draw: [(plot) => this.lines(plot, limits)]},
     };
   }
@@ -173,6 +175,8 @@ export class Plots {
     ctx.restore();
   }
 }
+
+const hue = (i) => `plot${(i % 4) + 1}`;
 
 // least and greatest of what is drawn, but for outliers: a few impacts would make all else a flat line
 function usual([, ...curves]) {

@@ -8,7 +8,7 @@ const FORCE_SCALE = 1e-3, LONGEST_ARROW = 0.9; // m per N, m
 const OUTCOMES = {walked: "walked the course", fall: "fell", gap_fall: "fell into a gap", miss: "missed a stone", slip: "slipped", flight: "left the ground", stall: "stands still"};
 const PUSHED = 4; // see EVENTS in rows.py
 
-export class Scene {
+class Canvas {
   constructor(parent, walker) {
     this.walker = walker;
     this.canvas = document.createElement("canvas");
@@ -18,15 +18,88 @@ export class Scene {
     this.pen = this.canvas.getContext("2d");
   }
 
-  draw(row, ended) {
-    const {canvas, pen, walker} = this;
-    const ratio = devicePixelRatio || 1;
+  // cleared, as large as it is shown; pixels of the screen for one of the page
+  begin() {
+    const {canvas, pen} = this, ratio = devicePixelRatio || 1;
     const width = Math.round(canvas.clientWidth * ratio), height = Math.round(canvas.clientHeight * ratio);
     if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, {width, height});
-    const scale = Math.min(width / (VIEW.right - VIEW.left), height / (VIEW.top - VIEW.bottom));
-    const [hip] = walker.point(row, "hip");
     pen.setTransform(1, 0, 0, 1, 0, 0);
     pen.clearRect(0, 0, width, height);
+    return {ratio, width, height};
+  }
+
+  // in the corners: what is shown, and how it ended
+  words(lines, said, isGood) {
+    const {pen, walker} = this, width = this.canvas.clientWidth - 20, ratio = devicePixelRatio || 1;
+    pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+    pen.textBaseline = "top";
+    pen.fillStyle = colour("text");
+    pen.font = "600 15px system-ui, sans-serif";
+    pen.fillText(walker.about.name, 10, 8, width - pen.measureText(said).width - 10);
+    pen.font = "13px system-ui, sans-serif";
+    lines.filter(Boolean).forEach((line, i) => pen.fillText(line, 10, 28 + 18 * i, width));
+    pen.font = "600 15px system-ui, sans-serif";
+    pen.textAlign = "right";
+    pen.fillStyle = colour(isGood ? "next" : "force");
+    pen.fillText(said, width + 10, 8);
+    pen.textAlign = "left";
+  }
+}
+
+// What a task of one's own draws: in the columns `shape0`, ... of each shape how many points (a disc has none), its
+// colour, its width in px or its radius, and x, z of each point.
+export class Picture extends Canvas {
+  constructor(parent, walker) {
+    super(parent, walker);
+    this.box = [Infinity, Infinity, -Infinity, -Infinity]; // left, bottom, right, top of all pictures
+    this.seen = 0; // rows
+  }
+
+  *shapes(row) {
+    const {shapes: most} = this.walker.about, from = row * this.walker.walk.width + this.walker.column.shape0;
+    const numbers = most ? this.walker.walk.data.subarray(from, from + most) : [];
+    for (let i = 0; numbers[i] >= 0;) {
+      const [count, hue, size] = numbers.slice(i, i + 3), end = i + 3 + 2 * Math.max(count, 1);
+      const points = Array.from({length: Math.max(count, 1)}, (_, k) => [numbers[i + 3 + 2 * k], numbers[i + 4 + 2 * k]]);
+      yield {isLine: count > 0, points, size, hue: `#${hue.toString(16).padStart(6, "0")}`};
+      i = end;
+    }
+  }
+
+  look() {
+    for (; this.seen < this.walker.walk.length; this.seen++) {
+      for (const {isLine, points, size} of this.shapes(this.seen)) {
+        for (const [x, z] of points) {
+          const room = isLine ? 0 : size, [left, bottom, right, top] = this.box;
+          if (Number.isFinite(x + z)) this.box = [Math.min(left, x - room), Math.min(bottom, z - room), Math.max(right, x + room), Math.max(top, z + room)];
+        }
+      }
+    }
+  }
+
+  draw(row, ended) {
+    this.look();
+    const {ratio, width, height} = this.begin(), {pen, walker} = this, [left, bottom, right, top] = this.box;
+    const scale = 0.85 * Math.min(width / (right - left || 1), height / (top - bottom || 1));
+    pen.setTransform(scale, 0, 0, -scale, width / 2 - scale * (left + right) / 2, height / 2 + scale * (bottom + top) / 2);
+    for (const {isLine, points, size, hue} of Number.isFinite(scale) ? this.shapes(row) : []) {
+      pen.beginPath();
+      if (isLine) points.forEach(([x, z]) => pen.lineTo(x, z));
+      else pen.arc(...points[0], size, 0, 2 * Math.PI);
+      const shown = hue === "#000000" ? colour("text") : hue; // black on dark is not seen
+      Object.assign(pen, {strokeStyle: shown, fillStyle: shown, lineWidth: size * ratio / scale, lineJoin: "round"});
+      isLine ? pen.stroke() : pen.fill();
+    }
+    const lines = walker.about.barriers.map((name) => `${name}: ${walker.get(row, name).toFixed(3)}`);
+    this.words([`${walker.walk.time(row).toFixed(2)} s`, ...lines], ended?.outcome ?? "", ended?.outcome === "done" && !/broken/.test(ended.reason));
+  }
+}
+
+export class Scene extends Canvas {
+  draw(row, ended) {
+    const {ratio, width, height} = this.begin(), {pen, walker} = this;
+    const scale = Math.min(width / (VIEW.right - VIEW.left), height / (VIEW.top - VIEW.bottom));
+    const [hip] = walker.point(row, "hip");
     const middle = hip + (VIEW.left + VIEW.right) / 2, slope = ((this.slope ?? walker.about.slope ?? 0) * Math.PI) / 180;
     const [a, b] = [scale * Math.cos(slope), scale * Math.sin(slope)]; // the ground is level in the plant's frame
     pen.setTransform(a, -b, -b, -a, width / 2 - middle * a, height + VIEW.bottom * scale + middle * b);
@@ -42,8 +115,7 @@ export class Scene {
     this.leg(row, stance, "stance");
     this.torso(row);
     this.force(row, foot);
-    pen.setTransform(ratio, 0, 0, ratio, 0, 0);
-    this.words(row, ended);
+    this.say(row, ended);
   }
 
   path(points, closed = false) {
@@ -146,25 +218,12 @@ export class Scene {
     this.fill("force");
   }
 
-  words(row, ended) {
-    const {pen, walker} = this;
-    const total = walker.walk.about.stones;
+  say(row, ended) {
+    const {walker} = this, total = walker.walk.about.stones, slope = this.slope ?? walker.about.slope;
     const stones = `${ended?.stones ?? walker.get(row, "touchdowns")}${total ? ` of ${total}` : ""} stones`;
-    pen.textBaseline = "top";
-    pen.fillStyle = colour("text");
-    pen.font = "600 15px system-ui, sans-serif";
-    const said = ended ? OUTCOMES[ended.outcome] ?? (ended.reason ? "fell" : ended.outcome) : "", width = this.canvas.clientWidth - 20;
-    const room = width - pen.measureText(said).width - 10;
-    pen.fillText(walker.about.name, 10, 8, room);
-    pen.font = "13px system-ui, sans-serif";
-    const slope = this.slope ?? walker.about.slope;
-    const lines = [width > 500 && walker.about.title?.split(": ")[1], stones, slope && `ground rises ${slope}°`, walker.get(row, "events") & PUSHED && "pushed"];
-    lines.filter(Boolean).forEach((line, i) => pen.fillText(line, 10, 28 + 18 * i, width));
-    if (!ended) return;
-    pen.font = "600 15px system-ui, sans-serif";
-    pen.textAlign = "right";
-    pen.fillStyle = colour(ended.outcome === "walked" ? "next" : "force");
-    pen.fillText(said, width + 10, 8);
-    pen.textAlign = "left";
+    const said = ended ? OUTCOMES[ended.outcome] ?? (ended.reason ? "fell" : ended.outcome) : "";
+    const title = this.canvas.clientWidth > 520 && walker.about.title?.split(": ")[1];
+    const lines = [title, stones, slope && `ground rises ${slope}°`, walker.get(row, "events") & PUSHED && "pushed"];
+    this.words(lines, said, ended?.outcome === "walked");
   }
 }

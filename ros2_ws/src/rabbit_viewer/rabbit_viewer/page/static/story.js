@@ -10,7 +10,8 @@ export class Story {
     this.act = act;
   }
 
-  begin({story = "", next = []}) {
+  begin({story = "", next = [], waits = WAITS}) {
+    this.waits = waits;
     this.element.hidden = !story;
     this.sentence.textContent = story;
     this.show([]);
@@ -24,8 +25,8 @@ export class Story {
   // `endings`: of each walker how it ended, null as long as it walks in the picture
   show(endings) {
     const told = endings.filter((ended) => ended?.reason);
-    const text = told.map(({reason}) => reason).join(" ") || WAITS;
-    this.happened.classList.toggle("waits", text === WAITS);
+    const text = told.map(({reason}) => reason).join(" ") || this.waits;
+    this.happened.classList.toggle("waits", text === this.waits);
     if (this.happened.textContent !== text) this.happened.textContent = text;
   }
 }

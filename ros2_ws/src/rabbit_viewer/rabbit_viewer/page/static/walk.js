@@ -95,7 +95,7 @@ class Walker {
 
   // whether it falls; a robot whose ticks no longer count lies where it fell
   watch(row) {
-    if (row && this.get(row, "tick") === this.get(row - 1, "tick")) return;
+    if (!this.has("hip_z") || row && this.get(row, "tick") === this.get(row - 1, "tick")) return;
     const height = this.get(row, "hip_z") - Math.min(this.get(row, "left_foot_z"), this.get(row, "right_foot_z"));
     if (height > LOW) this.fall = null;
     else this.fall = {from: this.fall?.from ?? row, to: row};

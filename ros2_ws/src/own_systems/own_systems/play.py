@@ -1,0 +1,235 @@
+"""`rabbit system play`: a task rides again and again on the page, one controller beside another, as a person asks.
+
+The plant's true parameters act at once. From the next ride on act the controllers, `pace`, how fast the commands go by,
+and for each commanded parameter what is added to it; a parameter that is another one's rate follows the pace.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from multiprocessing.queues import Queue
+from typing import Annotated, Any, Literal
+
+import casadi as ca
+import numpy as np
+from pydantic import Field, TypeAdapter, create_model
+from rabbit_viewer.page.messages import Explain
+from rabbit_viewer.play import playing
+from rabbit_viewer.play.messages import Pause, Reset, Speed, Tick, Watch
+from rabbit_viewer.play.serving import Door
+from rabbit_viewer.play.settings import NOBODY, Checked, Number, PlayError, described, shown
+
+from own_systems.episode import Moment, Ride, Rider, beginning
+from own_systems.loading import load_task
+from own_systems.page import RideRows, ended_of, explained, numbers_of, pictured
+from own_systems.task import Commands, ControlTask, TaskError
+
+ROOM = 2  # times what the first picture takes: later ones may have more shapes
+TRUE, ADDED = "true_", "added_"  # before a parameter's name, of settings
+WAITS = "When a ride has ended, you read here which barriers it kept."
+
+
+@dataclass(frozen=True)
+class Start:
+    """Which task is played, from its file or entry point, under which controllers, and the first seed."""
+
+    source: str
+    controllers: tuple[str, ...]
+    seed: int
+
+
+class Choose(Checked):
+    """Choose settings, which `settings_of` checks: for what is in force, or to begin again with them."""
+
+    do: Literal["set", "begin"]
+    settings: dict[str, Any]
+
+
+Asked = Annotated[Choose | Reset | Pause | Tick | Speed | Watch | Explain, Field(discriminator="do")]
+ASKED: TypeAdapter[Asked] = TypeAdapter(Asked)
+
+
+class TaskDoor(Door):
+    """Of a played task."""
+
+    def __init__(self, start: Start, put: Callable[[Any], object]) -> None:
+        super().__init__(start, put)
+        self._settings = settings_of(load_task(start.source), start)
+
+    def checked(self, message: str) -> Asked:
+        """See `Door`."""
+        asked = ASKED.validate_json(message)
+        if isinstance(asked, Choose):
+            self._settings.model_validate(asked.settings)
+        return asked
+
+
+def settings_of(task: ControlTask, start: Start) -> type[Checked]:
+    """What can be chosen: controllers, the plant's parameters, changes of what is commanded."""
+    names = start.controllers
+    second: Any = names[1] if names[1:] else NOBODY
+    when = {"when": "reset"}
+    fields: dict[str, Any] = {
+        "first": (Literal[names], Field(names[0], title="controller", json_schema_extra=dict(when))),
+        "second": (Literal[(*names, NOBODY)], Field(second, title="beside it", json_schema_extra=dict(when))),
+    }
+    for name, believed in task.nominal.items():
+        true = task.true.get(name, believed)
+        title = f"true {name}; the model has {believed:g}"
+        fields[TRUE + name] = (Number, shown(true, *bounds(true, believed), title, step(true, believed)))
+    commanded = task.commands(np.random.default_rng(start.seed))(0.0)
+    rates = rates_of(task)
+    for name in commanded.keys() - (rates or ()):
+        most = abs(commanded[name]) or 1.0
+        bound = (-math.ceil(most / step(most)) * step(most), math.ceil(most / step(most)) * step(most))
+        fields[ADDED + name] = (Number, shown(0.0, *bound, f"{name}: more", step(most), when="reset"))
+    if commanded and rates is not None:
+        fields["pace"] = (Number, shown(1.0, 0, 4, "pace of the commands", 0.05, "x", "reset"))
+    again = Field("next course", title="at the end", json_schema_extra={"when": "now"})
+    fields["seed"] = (int, shown(start.seed, 0, 2**31 - 1, "seed", when="reset"))
+    fields["again"] = (Literal["wait", "same course", "next course"], again)
+    made: type[Checked] = create_model("TaskSettings", __base__=Checked, **fields)
+    return made
+
+
+def step(*values: float) -> float:
+    """Of a slider for such values: a power of ten."""
+    most = max(abs(value) for value in values) or 1.0
+    return float(f"{10.0 ** math.floor(math.log10(most / 20)):.0e}")
+
+
+def bounds(true: float, believed: float) -> tuple[float, float]:
+    """Of the plant's parameter: of one sign, if both are; a positive one stays positive."""
+    by, most, least = step(true, believed), 2.5 * max(abs(true), abs(believed), 0.4), min(true, believed)
+    low = max(least / 4, by) if least > 0 else 0.0 if least == 0 else -most
+    return math.floor(low / by + 1e-9) * by, math.ceil(most / by) * by
+
+
+def rates_of(task: ControlTask) -> set[str] | None:
+    """Commanded parameters that are another one's rate; None where a rate is a further expression."""
+    named, rates = task.system.named, [ca.SX(each) for each in task.system.rates.values()]
+    found = {name for name in task.commanded if any(ca.is_equal(named[name], rate) for rate in rates)}
+    return found if all(any(ca.is_equal(named[name], rate) for name in found) for rate in rates) else None
+
+
+def altered(task: ControlTask, settings: Any, commands: Commands) -> Commands:
+    """What is commanded under the settings."""
+    rates, chosen = rates_of(task) or set(), settings.model_dump()
+    pace = chosen.get("pace", 1.0)
+
+    def at(t: float) -> dict[str, float]:
+        values = commands(pace * t).items()
+        return {name: pace * v if name in rates else v + chosen.get(ADDED + name, 0.0) for name, v in values}
+
+    return at
+
+
+class PlayedRide:
+    """A ride, tick by tick; see `playing.Shown`. A task is a person's own code: whatever it raises ends its ride."""
+
+    def __init__(self, rider: Rider, name: str, rows: RideRows, seed: int) -> None:
+        """Raises `TaskError`."""
+        controlling = rider.controlling(name)
+        self.name, self._rows = name, rows
+        self._ride = Ride(rider.task, name, seed)
+        self._moments = rider.moments(controlling, seed, ride=self._ride)
+        self.row, self.outcome = [math.nan] * len(rows.columns), ""
+
+    @property
+    def about(self) -> dict[str, Any]:
+        """What the page needs to draw its rows."""
+        return self._rows.about(self.name, self.name)
+
+    @property
+    def ended(self) -> dict[str, Any]:
+        """How it ended, if it has."""
+        return ended_of(self._ride) if self.outcome else {"outcome": "", "stones": self._ride.impacts}
+
+    def tick(self) -> None:
+        """Go on one tick; the last row comes twice."""
+        moments = self._ride.moments
+        try:
+            moment: Moment | None = next(self._moments, None)
+            if moment is not None:
+                self.row = self._rows.row(len(moments), moment)
+                moments.append(moment)
+                if moment.decided is None or moment.decided.solved:
+                    return
+                self._ride.outcome = "no answer"
+        except Exception as error:
+            self._ride.outcome = " ".join(f"{type(error).__name__}: {error}".split())
+        self.outcome = self._ride.outcome
+
+    def explain(self, tick: int) -> list[str]:
+        """In words; raises ValueError."""
+        return explained(self._ride, tick)
+
+
+class TaskPlayer(playing.Playing):
+    """Of a task, see `Playing`."""
+
+    unusable = (TaskError,)
+
+    def __init__(self, start: Start, send: playing.Send) -> None:
+        """Raises `PlayError`."""
+        self._start, task = start, load_task(start.source)
+        self._tasks = task, replace(task)  # each with a tick of its own
+        self.tick_seconds = task.seconds
+        self._model = settings_of(task, start)
+        self._riders: list[Rider] = []
+        try:
+            x, commands, _ = beginning(task, start.seed)
+            most = ROOM * len(numbers_of(pictured(task, x, task.parameters_at({}, commands(0.0)))))
+            self._rows = [RideRows(each, most) for each in self._tasks]
+            super().__init__(self._model(), send)
+        except TaskError as error:
+            raise PlayError(str(error)) from error
+
+    def take(self, asked: Any) -> None:
+        """See `Playing`."""
+        if isinstance(asked, Choose):
+            asked = asked.model_copy(update={"settings": self._model.model_validate(asked.settings)})
+        super().take(asked)
+
+    def made(self, settings: Any) -> tuple[list[PlayedRide], dict[str, Any]]:
+        """See `Playing`."""
+        names = [name for name in (settings.first, settings.second) if name != NOBODY]
+        riders = [Rider(task) for task in self._tasks[: len(names)]]
+        for rider in riders:
+            rider.altered = partial(altered, rider.task, settings)
+        rides = [PlayedRide(*each, settings.seed) for each in zip(riders, names, self._rows, strict=False)]
+        self._riders = riders
+        self._change(settings)
+        about = {
+            "title": f"{self._tasks[0].name}, seed {settings.seed}",
+            "controls": described(self._model),
+            "story": self._opening(settings),
+            "waits": WAITS,
+            "next": [{"text": "Why then?", "do": {"do": "explain"}}],
+            "options": "",
+        }
+        return rides, about
+
+    def set(self, settings: Any) -> None:
+        """See `Playing`."""
+        self._chosen = settings
+        now = {name: value for name, value in settings.model_dump().items() if name.startswith(TRUE)}
+        self._settings = self._settings.model_copy(update={**now, "again": settings.again})
+        self._change(settings)
+
+    def _change(self, settings: Any) -> None:
+        """The plants."""
+        for rider in self._riders:
+            rider.true.update({name: getattr(settings, TRUE + name) for name in self._tasks[0].nominal})
+
+    def _opening(self, settings: Any) -> str:
+        """One sentence: what the model gets wrong."""
+        nominal = self._tasks[0].nominal.items()
+        told = [f"{name} {getattr(settings, TRUE + name):g} (model: {believed:g})" for name, believed in nominal]
+        return f"The true system has {', '.join(told)}." if told else "The model is the true system."
+
+
+def play(send: playing.Send, start: Start, wishes: "Queue[Asked]") -> None:
+    """Play until the process ends."""
+    playing.play(send, partial(TaskPlayer, start, send), wishes)

@@ -1,0 +1,188 @@
+"""A cart before a wall on the page: the numbers of its rows, and what a person changes while it rides."""
+
+import json
+import struct
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from own_cart import CART, LIMIT
+from own_systems import Disc, Line
+from own_systems.episode import Rider
+from own_systems.loading import load_task
+from own_systems.page import RideRows, explained, numbers_of
+from own_systems.play import ASKED, Start, TaskDoor, TaskPlayer, altered, rates_of, settings_of
+from rabbit_viewer.page.broadcast import Broadcast
+from rabbit_viewer.play.serving import tell
+
+EXAMPLES = Path(__file__).resolve().parents[4] / "examples"
+
+
+@pytest.fixture
+def start(tmp_path: Path) -> Start:
+    """The cart under both controllers."""
+    path = tmp_path / "cart.py"
+    path.write_text(CART)
+    return Start(str(path), ("nominal", "oracle"), 3)
+
+
+class Played:
+    """A player without a clock, and what it has sent."""
+
+    def __init__(self, start: Start) -> None:
+        self.broadcast = Broadcast()
+        self.player = TaskPlayer(start, partial(tell, self.broadcast))
+        self.player.say_state()
+
+    def ask(self, do: str, **more: Any) -> None:
+        """As the server passes it on; settings go on top of those in force."""
+        if "settings" in more:
+            more["settings"] = {**self.words["state"]["settings"], **more["settings"]}
+        self.player.take(ASKED.validate_python({"do": do, **more}))
+        self.player.say_state()
+
+    def ride(self, ticks: int = 1000) -> "Played":
+        """So many ticks, or to the end."""
+        for _ in range(ticks):
+            if self.player.has_ended:
+                break
+            self.player.tick()
+        return self
+
+    @property
+    def words(self) -> dict[str, Any]:
+        """The newest of each kind."""
+        return {word["type"]: word for word in self.broadcast.known[0]}
+
+    def rows(self, walker: int) -> dict[str, Any]:
+        """Of one ride by column."""
+        columns = [each["columns"] for each in self.words["about"]["walkers"]]
+        data = self.broadcast.known[1]
+        table = np.array(struct.unpack(f"<{len(data) // 4}f", data)).reshape(-1, sum(map(len, columns)))
+        first = sum(map(len, columns[:walker]))
+        return dict(zip(columns[walker], table[:, first:].T, strict=False))
+
+
+def test_a_row_has_each_row_of_the_qp(start: Start) -> None:
+    task = load_task(start.source)
+    rows, ride = RideRows(task), Rider(task).ride("nominal", 3)
+    told = [dict(zip(rows.columns, rows.row(k, m), strict=True)) for k, m in enumerate(ride.moments)]
+    for now, m in zip(told, ride.moments, strict=True):
+        assert (now["u_u1"], now["wall"]) == (m.u[0], m.barriers[0])
+        assert {name for name in ("CLF", "wall", "u1") if now[f"active_{name}"] == 0} == set(m.decided.active)
+        assert now["margin_u1"] == pytest.approx(LIMIT - abs(m.u[0]), abs=1e-6)
+        for name in ("CLF", "wall", "u1"):  # complementary slackness
+            assert abs(now[f"multiplier_{name}"] * now[f"margin_{name}"]) < 1e-5 * (1 + now[f"multiplier_{name}"])
+    assert any("wall" in m.decided.active for m in ride.moments)
+
+
+def test_a_picture_is_its_numbers_as_far_as_there_is_room() -> None:
+    line, disc = Line(np.array([[0, 1], [2, 3]]), "#010203", 4.0), Disc((5, 6), 0.5, "red")
+    assert numbers_of([line, disc]) == [2, 0x010203, 4, 0, 1, 2, 3, 0, 0xFF0000, 0.5, 5, 6]
+    assert numbers_of([line, disc], 9)[:7] == [2, 0x010203, 4, 0, 1, 2, 3]
+    assert np.isnan(numbers_of([line, disc], 9)[7:]).all()
+
+
+def test_what_is_played_is_the_ride_in_process(start: Start) -> None:
+    played, task = Played(start).ride(), load_task(start.source)
+    for i, name in enumerate(start.controllers):
+        ride, found = Rider(replace(task)).ride(name, 3), played.rows(i)
+        expected = np.array([m.u[0] for m in ride.moments], dtype=np.float32)
+        np.testing.assert_array_equal(found["u_u1"][: len(expected)], expected)
+        (word,) = (word for word in played.words["ended"]["walkers"] if word["reason"].startswith(name))
+        assert word["outcome"] == "done"
+        assert word["tick"] == np.argmin([m.barriers[0] for m in ride.moments])
+        assert f"wall {'kept' if ride.is_kept else 'broken'}, at least {ride.margins[0]:.3g} at" in word["reason"]
+
+
+def test_a_true_parameter_acts_at_once_and_the_oracle_knows_it(start: Start) -> None:
+    played = Played(start).ride(40)
+    before = played.rows(1)
+    played.ask("set", settings={"true_mass": 4.0})
+    assert played.words["state"]["waiting"] == []
+    played.ride(60)
+    after, (_, oracle) = played.rows(1), played.player.walkers
+    np.testing.assert_array_equal(after["u_u1"][:40], before["u_u1"])
+    x, u = (np.array([getattr(m, name) for m in oracle._ride.moments]) for name in ("x", "u"))  # type: ignore[attr-defined]
+    gained, pushed = np.diff(x[:, 1]), 0.01 * u[:-1, 0]
+    np.testing.assert_allclose(2.0 * gained[:40], pushed[:40], atol=1e-9)
+    np.testing.assert_allclose(4.0 * gained[40:], pushed[40:], atol=1e-9)
+    assert np.abs(pushed[40:]).max() > 0.01
+    assert played.ride().words["ended"]["walkers"][1]["reason"].count("wall kept") == 1
+
+
+def test_what_is_commanded_changes_with_the_next_ride(start: Start) -> None:
+    played = Played(start).ride(10)
+    played.ask("set", settings={"added_target": -0.5, "second": "none", "again": "same course"})
+    assert set(played.words["state"]["waiting"]) == {"added_target", "second"}
+    assert len(played.words["about"]["walkers"]) == 2
+    played.ask("reset")
+    played.ride(1000)
+    assert len(played.words["about"]["walkers"]) == 1
+    (ride,) = played.player.walkers
+    assert {m.p[1] for m in ride._ride.moments} == {1.2 - 0.5}  # type: ignore[attr-defined]
+
+
+def test_a_rate_follows_the_pace() -> None:
+    """At each pace the published speed of the obstacle is the derivative of its place."""
+    task = load_task(str(EXAMPLES / "obstacle_arm.py"))
+    assert rates_of(task) == {"speed_x", "speed_z"}
+    settings = settings_of(task, Start("", ("nominal",), 1)).model_validate({"pace": 2.5, "added_place_x": 0.1})
+    commands = task.commands(np.random.default_rng(1))
+    at, h = altered(task, settings, commands), 1e-6
+    for t in (0.0, 0.7, 3.0):
+        for axis in "xz":
+            slope = (at(t + h)[f"place_{axis}"] - at(t - h)[f"place_{axis}"]) / (2 * h)
+            assert at(t)[f"speed_{axis}"] == pytest.approx(slope, abs=1e-7)
+    assert at(0.4)["place_x"] == pytest.approx(commands(1.0)["place_x"] + 0.1)
+
+
+@pytest.mark.parametrize("name", ["cart_pole.py", "segway.py", "obstacle_arm.py", "amber_3m.yaml"])
+def test_every_default_is_within_its_bounds_and_is_the_tasks(name: str) -> None:
+    task = load_task(str(EXAMPLES / name))
+    made = settings_of(task, Start("", ("nominal", "oracle"), 5))
+    default = made.model_validate(made().model_dump())
+    assert {name: getattr(default, f"true_{name}") for name in task.nominal} == {**task.nominal, **task.true}
+
+
+def test_a_ride_that_raises_ends_and_the_next_one_begins(start: Start, tmp_path: Path) -> None:
+    mine = "controllers={'mine': lambda x, p: 1 / 0}, "
+    (tmp_path / "cart.py").write_text(CART.replace("draw=", f"{mine}draw="))
+    played = Played(replace(start, controllers=("mine", "oracle"))).ride()
+    outcomes = [each["outcome"] for each in played.words["ended"]["walkers"]]
+    assert outcomes == ["ZeroDivisionError: division by zero", "done"]
+    assert np.isnan(played.rows(0)["tick"]).all()
+    played.ask("begin", settings={"first": "oracle"})
+    played.player.tick()
+    assert played.ride().words["ended"]["walkers"][0]["outcome"] == "done"
+
+
+def test_a_tick_is_explained_live_as_in_process(start: Start) -> None:
+    played = Played(start).ride(80)
+    played.ask("explain", walker=0, tick=60)
+    lines = played.words["explained"]["lines"]
+    assert lines == explained(Rider(load_task(start.source)).ride("nominal", 3), 60)
+    assert lines[0] == "cart, nominal, tick 60 (0.60 s), answered by daqp"
+    played.ask("explain", walker=0, tick=600)
+    assert "expected one from 0 to 79" in played.words["explained"]["lines"][0]
+
+
+@pytest.mark.parametrize(
+    ("message", "said"),
+    [
+        ({"do": "push", "force": 1}, "push"),
+        ({"do": "set", "settings": {"true_mass": 1e9}}, "true-mass 1000000000.0: expected less than or equal to 5"),
+        ({"do": "set", "settings": {"true_mass": "NaN"}}, "true-mass NaN: expected a finite number"),
+        ({"do": "set", "settings": {"mass": 1}}, "mass"),
+        ({"do": "begin", "settings": {"first": "/etc/passwd"}}, "first"),
+    ],
+)
+def test_the_door_refuses_in_one_line(start: Start, message: dict[str, Any], said: str) -> None:
+    passed = list[Any]()
+    line = TaskDoor(start, passed.append)(json.dumps(message))
+    assert said in line
+    assert "\n" not in line
+    assert passed == []

@@ -1,0 +1,212 @@
+"""End to end on a control task of one's own: a network gives the input, and PPO trains it on the true plant.
+
+    action      (m,) in [-1, 1], times the task's limit, or what the nominal controller uses where it has none
+    reads       the task's observation, what is commanded, each barrier's value, the outputs y, y' of the CLF
+    reward      PER_TICK / (1 + V / its median under the nominal controller); -1 where the episode has failed or a
+                barrier is below its tolerance, which ends it
+
+`rabbit rival task TASK` trains, and `rabbit system evaluate TASK --controller ppo:FILE` rides what was trained.
+"""
+
+import itertools
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from cbf_clf_qp.functions import Array, NumpyFunction, Values
+from gymnasium.spaces import Box
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from own_systems import ControlTask, TaskError
+from own_systems.episode import NOMINAL, Rider, beginning
+from own_systems.task import Moved, OwnController
+from pydantic import Field
+from rabbit_residual.fleet import Rollout
+from rabbit_residual.ppo import Ppo, PpoParameters
+from rl_cbf_clf_controller.weights import Actor, PolicyFileError
+
+from rabbit_rivals.model_file import About, ModelFile, read
+
+PER_TICK, BROKEN = 0.02, -1.0  # reward
+RIDES = 3  # of the nominal controller, which show the units
+USED, ROOM = 0.99, 2.0  # where inputs have no limit: this quantile of the nominal ones, and so many times of it
+BOUND = 10.0  # of each number that is read
+ROBOTS, ROLLOUT = 32, 128  # side by side; ticks of each between two updates
+LEARNER = PpoParameters(hidden=64, gamma=0.995)
+
+
+class TaskAbout(About):
+    """What the network reads, in which units, and how it was trained."""
+
+    task: str
+    reads: tuple[str, ...]
+    center: tuple[float, ...]
+    scale: tuple[float, ...]
+    inputs: tuple[float, ...] = Field(description="the greatest |u|")
+    V: float = Field(description="of which the reward of a tick is half")
+    hidden: tuple[int, int] = (LEARNER.hidden, LEARNER.hidden)
+    ticks: int = Field(0, ge=0, description="of training")
+    seed: int = 0
+
+    @property
+    def shapes(self) -> dict[str, tuple[int, ...]]:
+        found: dict[str, tuple[int, ...]] = {}
+        for i, (before, after) in enumerate(itertools.pairwise((len(self.reads), *self.hidden, len(self.inputs)))):
+            found |= {f"{i}.weight": (after, before), f"{i}.bias": (after,)}
+        return found
+
+
+def units_of(task: ControlTask) -> TaskAbout:
+    """Mean and deviation of what is read, and the inputs, in rides of the nominal controller.
+
+    Raises `TaskError` where there is no CLF to follow.
+    """
+    if "V" not in task.tick.names:
+        raise TaskError(f"{task.name}: no Clf among its quantities; expected one, which says what is to be followed")
+    rider = Rider(task)
+    moments = [moment for seed in range(RIDES) for moment in rider.ride(NOMINAL, seed).moments]
+    seen = np.array([whole(task, m.seen, m.p) for m in moments])
+    deviation = seen.std(axis=0)
+    used = ROOM * np.quantile(np.abs([m.u for m in moments]), USED, axis=0)
+    eta = [f"eta{i + 1}" for i in range(len(moments[0].seen.eta))]
+    return TaskAbout(
+        task=task.name,
+        reads=(*task.observed, *task.commanded, *(each.name for each in task.barriers), *eta),
+        center=seen.mean(axis=0).tolist(),
+        scale=np.where(deviation > 0, deviation, 1.0).tolist(),
+        inputs=(used if task.limit is None else np.full(used.shape, task.limit)).tolist(),
+        V=float(np.median([m.seen.V for m in moments])),
+    )
+
+
+def whole(task: ControlTask, seen: Any, p: Array) -> Array:
+    """All that is read, (..., r), of what the tick has `seen` with parameters p (..., k)."""
+    places = [i for i, name in enumerate(task.system.named) if name in task.commanded]
+    return np.concatenate([seen.observation, p[..., places], seen.barriers, seen.eta], axis=-1)
+
+
+def scaled(about: TaskAbout, reads: Array) -> Array:
+    """In the network's units."""
+    found: Array = ((reads - about.center) / about.scale).clip(-BOUND, BOUND)
+    return found
+
+
+def of_many(function: NumpyFunction, n: int) -> Callable[..., Values]:
+    """The function of n rows of each input."""
+    mapped = function.function.map(n)
+    return lambda *rows: function.values(np.array(mapped(*(each.T for each in rows))).T)
+
+
+def later_of_many(task: ControlTask, n: int) -> Callable[..., Array]:
+    """The true states (n, x) a tick later, of states, parameters and inputs."""
+    step, h = task.later_by.function, task.seconds / task.substeps
+    symbols = [ca.MX.sym(name, step.numel_in(i)) for i, name in enumerate("xpu")]
+    state = symbols[0]
+    for _ in range(task.substeps):
+        state = step(state, *symbols[1:], h)
+    tick = ca.Function("tick", symbols, [state]).map(n)
+    return lambda *rows: np.array(tick(*(each.T for each in rows))).T
+
+
+class TaskVectorEnv(VectorEnv[Array, Array, Array]):
+    """`robots` rides of a task side by side, on its true plant; one that has ended begins again in the same step."""
+
+    def __init__(self, task: ControlTask, robots: int, about: TaskAbout | None = None) -> None:
+        """Raises `TaskError` where the state jumps, or the plant is the task's own: neither is batched."""
+        if task.impact or task.plant:
+            raise TaskError(f"{task.name}: an impact, or a plant of its own; expected neither in a batch")
+        self.task, self.about, self.num_envs = task, about or units_of(task), robots
+        n, k, m = (symbol.numel() for symbol in (task.system.x, task.system.p, task.system.u))
+        self.metadata = {"autoreset_mode": AutoresetMode.SAME_STEP}
+        self.single_observation_space = Box(-BOUND, BOUND, (len(self.about.reads),), np.float64)
+        self.single_action_space = Box(-1.0, 1.0, (m,), np.float64)
+        self.observation_space = batch_space(self.single_observation_space, robots)
+        self.action_space = batch_space(self.single_action_space, robots)
+        self._look, self._later = of_many(task.tick.look, robots), later_of_many(task, robots)
+        self._x, self._p, self._ticks = np.zeros((robots, n)), np.zeros((robots, k)), np.zeros(robots, dtype=int)
+        self._commands: list[Any] = [None] * robots
+        self._rng = np.random.default_rng()
+
+    def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
+        """New rides, whose seeds follow from `seed`."""
+        self._rng = np.random.default_rng(seed)
+        for i in range(self.num_envs):
+            self._begin(i)
+        return self._seen()[0], {}
+
+    def step(self, actions: Array) -> tuple[Array, Array, Array, Array, dict[str, Any]]:
+        """A tick of all."""
+        task, u = self.task, np.clip(actions, -1, 1) * self.about.inputs
+        true = self._parameters(task.true)
+        self._x, self._ticks = self._later(self._x, true, u), self._ticks + 1
+        now = zip(self._x, true, u, self._ticks.tolist(), strict=True)
+        ends = [task.outcome(Moved(x, held, 0), p, ticks, 0) for x, p, held, ticks in now]
+        self._p = self._parameters({})
+        reads, V, barriers = self._seen()
+        failed = np.array([each == "failed" for each in ends]) | (barriers < -task.tolerance).any(axis=1)
+        ended = failed | np.array([bool(each) for each in ends])
+        reward = np.where(failed, BROKEN, PER_TICK / (1 + V / self.about.V))
+        infos: dict[str, Any] = {}
+        if ended.any():
+            infos = {"final_obs": reads, "_final_obs": ended}
+            for i in ended.nonzero()[0].tolist():
+                self._begin(i)
+            reads = self._seen()[0]
+        return reads, reward, failed, ended & ~failed, infos
+
+    def _begin(self, i: int) -> None:
+        self._x[i], self._commands[i], _ = beginning(self.task, int(self._rng.integers(2**32)))
+        self._ticks[i] = 0
+        self._p[i] = self.task.parameters_at({}, self._commands[i](0.0))
+
+    def _parameters(self, of_plant: Any) -> Array:
+        at = zip(self._commands, (self._ticks * self.task.seconds).tolist(), strict=True)
+        return np.array([self.task.parameters_at(of_plant, commands(time)) for commands, time in at])
+
+    def _seen(self) -> tuple[Array, Array, Array]:
+        """What is read (N, r), V (N,), and the barriers' values (N, b)."""
+        with np.errstate(all="ignore"):
+            seen = self._look(self._x, self._p)
+            reads = np.nan_to_num(scaled(self.about, whole(self.task, seen, self._p)))
+        return reads, np.nan_to_num(seen.V[:, 0], nan=np.inf), seen.barriers
+
+
+def train(task: ControlTask, ticks: int, seed: int, tell: Callable[[str], object] = print) -> ModelFile[TaskAbout]:
+    """The network after so many ticks of all robots together. Raises `TaskError`."""
+    env = TaskVectorEnv(task, ROBOTS)
+    ppo = Ppo(len(env.about.reads), 0, len(env.about.inputs), LEARNER, seed)
+    reads, _ = env.reset(seed=seed)
+    for done in range(ROBOTS * ROLLOUT, ticks + ROBOTS * ROLLOUT, ROBOTS * ROLLOUT):
+        rows = []
+        for _ in range(ROLLOUT):
+            said = ppo.act(reads)
+            following, reward, failed, cut, _ = env.step(said)
+            rows.append((reads, reads[:, :0], said, reward, failed | cut, failed))
+            reads = following
+        rows.append((reads, *rows[-1][1:]))
+        rollout = Rollout(*(np.stack(column) for column in zip(*rows, strict=True)))
+        std, _ = ppo.update([rollout])
+        last = rollout.reward[:-1], rollout.ended[:-1], rollout.failed[:-1]
+        if (done // (ROBOTS * ROLLOUT)) % 20 == 0:
+            reward, ended, failed = (each.sum() for each in last)
+            mean = reward / last[0].size
+            tell(f"{done} ticks: reward {mean:.4f} a tick, {ended} ended, {failed} failed, std {std:.2f}")
+    return ModelFile(env.about.model_copy(update={"ticks": done, "seed": seed}), ppo.arrays())
+
+
+def controller_of(task: ControlTask, path: Path) -> OwnController:
+    """Of a trained file; raises `TaskError`."""
+    try:
+        file = read(path, TaskAbout)
+    except PolicyFileError as error:
+        raise TaskError(str(error)) from error
+    about, actor = file.about, Actor(file.arrays)
+    if about.task != task.name:
+        raise TaskError(f"{path}: trained for {about.task}; this task is {task.name}")
+
+    def control(x: Array, p: Array) -> Array:
+        return actor(scaled(about, whole(task, task.tick.look(x, p), p))) * about.inputs
+
+    return control
