@@ -10,7 +10,7 @@ from matplotlib.colors import to_rgb
 from rabbit_viewer.page.broadcast import Broadcast
 from rabbit_viewer.page.recording import serve_or_write
 from rabbit_viewer.page.rows import EVENTS, packed
-from rl_cbf_clf_controller.explanation import changes, explain
+from rl_cbf_clf_controller.explanation import Explanation, changes, explain
 
 from own_systems.episode import Moment, Ride
 from own_systems.shapes import Line, Shape
@@ -103,7 +103,7 @@ def show(ride: Ride, port: int, opens_browser: bool, export: Path | None) -> Non
     broadcast.begin({**about, "walkers": [rows.about(ride.controller, ride.title)]})
     broadcast.add(packed([number for k, moment in enumerate(ride.moments) for number in rows.row(k, moment)]))
     broadcast.say("ended", {"walkers": [ended_of(ride)]})
-    serve_or_write(broadcast, lambda tick: explained(ride, tick), port, opens_browser, export)
+    serve_or_write(broadcast, lambda tick: explained(ride, tick)[1], port, opens_browser, export)
 
 
 def ended_of(ride: Ride) -> dict[str, Any]:
@@ -121,8 +121,8 @@ def ended_of(ride: Ride) -> dict[str, Any]:
     return {**how, "reason": "; ".join(told) + ".", "tick": worst}
 
 
-def explained(ride: Ride, tick: int) -> list[str]:
-    """A tick in words, and what changed since the one before; raises ValueError where there is nothing to explain."""
+def explained(ride: Ride, tick: int) -> tuple[Explanation, list[str]]:
+    """A tick, and all of it in words, with what changed; raises ValueError where there is nothing to explain."""
     if not 0 <= tick < len(ride.moments):
         raise ValueError(f"tick {tick} of {ride.controller}: expected one from 0 to {len(ride.moments) - 1}")
     now, *before = [ride.moments[k] for k in (tick, tick - 1) if k >= 0]
@@ -130,5 +130,17 @@ def explained(ride: Ride, tick: int) -> list[str]:
         raise ValueError(f"tick {tick} of {ride.controller}: it has no QP")
     of = [explain(ride.task.tick, m.x, m.p, m.estimates, m.decided) for m in (now, *before)]
     changed = changes(of[1], of[0]) or ["no row changed"] if before else ["it is the first"]
-    head = f"{ride.task.name}, {ride.controller}, tick {tick} ({now.time:.2f} s), answered by {now.decided.solver}"
-    return [head, "", *of[0].lines(), "", "Since the tick before:", *(f"  {each}" for each in changed)]
+    head = f"{title_of_tick(ride, tick)}, answered by {now.decided.solver}"
+    return of[0], [head, "", *of[0].lines(), "", "Since the tick before:", *(f"  {each}" for each in changed)]
+
+
+def title_of_tick(ride: Ride, tick: int) -> str:
+    """Which one it is."""
+    return f"{ride.task.name}, {ride.controller}, tick {tick} ({ride.moments[tick].time:.2f} s)"
+
+
+def worst_tick(ride: Ride) -> int:
+    """The one whose slacks of last resort are largest in all."""
+    decided = [moment.decided for moment in ride.moments]
+    sums = [each.layout.slack_sums(each.values.slack)[1] if each else -1.0 for each in decided]
+    return int(np.nan_to_num(sums, nan=-1.0).argmax())

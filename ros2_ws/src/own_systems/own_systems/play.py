@@ -163,7 +163,7 @@ class PlayedRide:
 
     def explain(self, tick: int) -> list[str]:
         """In words; raises ValueError."""
-        return explained(self._ride, tick)
+        return explained(self._ride, tick)[1]
 
 
 class TaskPlayer(playing.Playing):

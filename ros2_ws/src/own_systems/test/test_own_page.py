@@ -164,7 +164,7 @@ def test_a_tick_is_explained_live_as_in_process(start: Start) -> None:
     played = Played(start).ride(80)
     played.ask("explain", walker=0, tick=60)
     lines = played.words["explained"]["lines"]
-    assert lines == explained(Rider(load_task(start.source)).ride("nominal", 3), 60)
+    assert lines == explained(Rider(load_task(start.source)).ride("nominal", 3), 60)[1]
     assert lines[0] == "cart, nominal, tick 60 (0.60 s), answered by daqp"
     played.ask("explain", walker=0, tick=600)
     assert "expected one from 0 to 79" in played.words["explained"]["lines"][0]

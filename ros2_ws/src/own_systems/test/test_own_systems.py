@@ -230,6 +230,10 @@ def test_the_commands(cart, task, tmp_path):
     assert (code, (tmp_path / "p" / "rows.png").read_bytes()) == (0, (tmp_path / "r" / "rows.png").read_bytes()), said
     code, said = typed("show", bag, "--task", cart, "--export", tmp_path / "ride.html", of=bag_app)
     assert code == 0, said
+    code, said = typed("explain", bag, "--task", cart, "--worst", "--picture", tmp_path / "tick.png", of=bag_app)
+    assert (code, said.startswith("cart, oracle, tick "), (tmp_path / "tick.png").is_file()) == (0, True, True), said
+    code, said = typed("explain", bag, "--task", cart, "--tick", 300, of=bag_app)
+    assert (code, "expected one from 0 to 299" in said) == (2, True)
     found = re.search(r'id="walk-data">(.*?)</script>', (tmp_path / "ride.html").read_text())
     assert found
     walk = json.loads(found[1])

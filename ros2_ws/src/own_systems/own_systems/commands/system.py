@@ -240,6 +240,21 @@ def show_recording(
         show(ridden, port, browser, export)
 
 
+def explain_recording(recording: Path, task: str, tick: int | None, picture: Path | None, episode: int | None) -> None:
+    """`rabbit bag explain --task`: a tick, or the one with the most slack of last resort, where none is named."""
+    from own_systems.page import explained, title_of_tick, worst_tick
+
+    ridden = recorded(load(task), recording, episode)
+    with complaints(ValueError, OSError):
+        tick = worst_tick(ridden) if tick is None else tick
+        explanation, lines = explained(ridden, tick)
+        print(*lines, sep="\n")
+        if picture:
+            from rabbit_viewer.explanation_picture import draw_explanation
+
+            print(draw_explanation(explanation, picture, title_of_tick(ridden, tick)))
+
+
 def recorded(task: "ControlTask", recording: Path, episode: int | None) -> "Ride":
     """An episode; ends the command where there is none."""
     from rabbit_recording import RecordingError

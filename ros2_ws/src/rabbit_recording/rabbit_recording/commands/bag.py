@@ -186,12 +186,16 @@ def explain(
     worst: Annotated[bool, typer.Option("--worst", help="the tick with the most slack of last resort")] = False,
     picture: Annotated[Path | None, typer.Option(help="draw what the rows leave of two torques into this file")] = None,
     episode: Episode = None,
+    task: Task = None,
 ) -> None:
     """Explain a tick: what each row asks, which rows exclude each other, what torque would do, what changed."""
     from rabbit_recording.explaining import INPUTS, WORDS, explain_tick
 
     if worst == (tick is not None):
         fail("expected --tick N or --worst")
+    if task:
+        brought("rabbit.tasks", "explain")(bag, task, tick, picture, episode)
+        return
     draw = brought("rabbit.pictures", "explanation") if picture else None
     with complaints(RecordingError):
         explained = explain_tick(bag, tick, episode)
