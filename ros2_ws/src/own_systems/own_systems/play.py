@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from multiprocessing.queues import Queue
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import casadi as ca
@@ -85,7 +86,7 @@ def settings_of(task: ControlTask, start: Start) -> type[Checked]:
         bound = (-math.ceil(most / step(most)) * step(most), math.ceil(most / step(most)) * step(most))
         fields[ADDED + name] = (Number, shown(0.0, *bound, f"{name}: more", step(most), when="reset"))
     if commanded and rates is not None:
-        fields["pace"] = (Number, shown(1.0, 0, 4, "pace of the commands", 0.05, "x", "reset"))
+        fields["pace"] = (Number, shown(1.0, 0, 3, "pace of the commands", 0.05, "x", "reset"))
     again = Field("next course", title="at the end", json_schema_extra={"when": "now"})
     fields["seed"] = (int, shown(start.seed, 0, 2**31 - 1, "seed", when="reset"))
     fields["again"] = (Literal["wait", "same course", "next course"], again)
@@ -102,7 +103,7 @@ def step(*values: float) -> float:
 def bounds(true: float, believed: float) -> tuple[float, float]:
     """Of the plant's parameter: of one sign, if both are; a positive one stays positive."""
     by, most, least = step(true, believed), 2.5 * max(abs(true), abs(believed), 0.4), min(true, believed)
-    low = max(least / 4, by) if least > 0 else 0.0 if least == 0 else -most
+    low = max(0.25 * least, by) if least > 0 else 0.0 if least == 0 else -most
     return math.floor(low / by + 1e-9) * by, math.ceil(most / by) * by
 
 
@@ -131,15 +132,15 @@ class PlayedRide:
     def __init__(self, rider: Rider, name: str, rows: RideRows, seed: int) -> None:
         """Raises `TaskError`."""
         controlling = rider.controlling(name)
-        self.name, self._rows = name, rows
-        self._ride = Ride(rider.task, name, seed)
+        self.name, self._rows, self._has_qp = Path(name).stem, rows, name not in rider.own
+        self._ride = Ride(rider.task, self.name, seed)
         self._moments = rider.moments(controlling, seed, ride=self._ride)
         self.row, self.outcome = [math.nan] * len(rows.columns), ""
 
     @property
     def about(self) -> dict[str, Any]:
         """What the page needs to draw its rows."""
-        return self._rows.about(self.name, self.name)
+        return self._rows.about(self.name, self.name, self._has_qp)
 
     @property
     def ended(self) -> dict[str, Any]:

@@ -186,3 +186,14 @@ def test_the_door_refuses_in_one_line(start: Start, message: dict[str, Any], sai
     assert said in line
     assert "\n" not in line
     assert passed == []
+
+
+def test_a_controller_without_a_qp_has_no_plots_of_one(start: Start, tmp_path: Path) -> None:
+    own = "controllers={'rest': lambda x, p: [-x[1]]}, "
+    (tmp_path / "cart.py").write_text(CART.replace("draw=", f"{own}draw="))
+    played = Played(replace(start, controllers=("rest", "oracle"))).ride()
+    titles = [[panel["title"] for panel in each["panels"]] for each in played.words["about"]["walkers"]]
+    assert titles[0] == ["barriers B", "input u"]
+    assert len(titles[1]) == 6
+    played.ask("explain", walker=0, tick=3)
+    assert played.words["explained"]["lines"] == ["tick 3 of rest: it has no QP"]
