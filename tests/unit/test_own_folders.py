@@ -39,6 +39,7 @@ FILES = {
     "bench": (),
     "estimates": ("rl-cbf-clf-qp",),
     "rival gp": ("session",),
+    "rival task": (CART_POLE,),
     "system train": (CART_POLE,),
 }
 
