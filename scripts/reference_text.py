@@ -46,9 +46,10 @@ NODES: Mapping[str, tuple[type[BaseModel], ...]] = {
 
 def table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
     """A Markdown table; a bar within a cell is escaped."""
-    lines = [head, tuple("---" for _ in head), *rows]
-    cells = ((" ".join(cell.split()).replace("|", "\\|") for cell in line) for line in lines)
-    return "\n".join(f"| {' | '.join(line)} |" for line in cells)
+    rule = "|---" * len(head) + "|"
+    cells = ((" ".join(cell.split()).replace("|", "\\|") for cell in line) for line in (head, *rows))
+    first, *others = (f"| {' | '.join(line)} |" for line in cells)
+    return "\n".join((first, rule, *others))
 
 
 def code(text: object) -> str:
@@ -139,10 +140,10 @@ def services() -> str:
 
 
 def about(kind: str) -> str:
-    """What a message or service is, by the first line of its definition."""
+    """What a message or service is, by the first clause of its definition."""
     package, group, name = kind.split("/")
     text = (SOURCES / package / group / f"{name}.{group}").read_text(encoding="utf-8")
-    return text.splitlines()[0].removeprefix("# ")
+    return re.split(r"[;:.]", text.splitlines()[0].removeprefix("# "))[0]
 
 
 GENERATED = re.compile(r"(<!-- generated: (\w+) -->\n)\n.*?\n(\n<!-- end -->)", re.DOTALL)

@@ -1,4 +1,4 @@
-"""The three cases of docs/explain.md walked again, and what is said of ticks with slack against another solver."""
+"""The cases that pages explain walked again, and what is said of ticks with slack against another solver."""
 
 import re
 from collections.abc import Callable, Iterator
@@ -19,8 +19,10 @@ from rl_cbf_clf_controller.parameters import load_parameters
 from rl_trainer.rollout import Record, rollout
 from scipy.optimize import nnls
 
-PAGE = (Path(__file__).resolve().parents[2] / "docs" / "explain.md").read_text(encoding="utf-8")
-CASES = {  # of the page, in its order: controller, plant, seed, tick
+ROOT = Path(__file__).resolve().parents[2]
+EXPLAINED = "docs/explain.md", "qa/docs/data/measurements.md"
+PAGES = "".join((ROOT / each).read_text(encoding="utf-8") for each in EXPLAINED)
+CASES = {  # of these pages: controller, plant, seed, tick
     "double": ("cbf-clf-qp", {"mass_scale": 2.0}, 1, 78),
     "push": ("clf-qp", {"terrain": "flat", "push": 30.0}, 42, 172),
     "narrow": ("rl-cbf-clf-qp", {"mass_scale": 2.0, "stone_width": 0.02}, 5, 38),
@@ -52,7 +54,7 @@ def explained(
 def test_the_page_shows_what_is_said(case: str) -> None:
     controller, plant, seed, tick = CASES[case]
     ((told, *_),) = explained(controller, plant, seed, "osqp", lambda record: record.state.tick == tick)
-    shown = re.findall(r"```text\n(.*?)```", PAGE, re.DOTALL)[[*CASES].index(case)]
+    shown = re.findall(rf"explain {case}/recording.*?```text\n(.*?)```", PAGES, re.DOTALL)[0]
     lines = told.lines(WORDS)
     assert shown.splitlines()[3 : 3 + len(lines)] == lines
 

@@ -17,7 +17,7 @@ ELSEWHERE = {  # in tests of their own
 SHORTER = {
     "studies/docs/benchmark.md": {"rabbit benchmark": "--cells flat/scale-1 --courses 1"},
     "docs/evaluate.md": {"rabbit evaluate": COURSES},
-    "docs/explain.md": {},
+    "ros2_ws/src/rl_cbf_clf_controller/README.md": {},
     "docs/get_started.md": {
         "rabbit walk --controller cbf-clf-qp": f"{ALONE} --stones 6",
         "rabbit walk": f"{ALONE} --stones 3 --episodes 2",
@@ -25,9 +25,9 @@ SHORTER = {
         "rabbit train": "--episodes 1",
         "rabbit policy load": "--timeout 120",
     },
-    "docs/learning.md": {},
+    "ros2_ws/src/rabbit_experiments/README.md": {},
     "docs/own_system.md": {"rabbit system train": "--episodes 1", "rabbit system evaluate": "--rides 1"},
-    "docs/plant.md": {},
+    "ros2_ws/src/rabbit_sim/README.md": {},
     "docs/tutorials/notebook.md": {"python examples/notebook.py": COURSES, "rabbit walk": WALK},
     "docs/tutorials/own_learner.md": {"python": "--episodes 5 --steps 4"},
     "docs/tutorials/own_node.md": {"rabbit walk": WALK},
@@ -49,10 +49,10 @@ def test_every_page_with_blocks_is_run() -> None:
     [
         "studies/docs/benchmark.md",
         "docs/evaluate.md",
-        "docs/explain.md",
-        "docs/learning.md",
+        "ros2_ws/src/rl_cbf_clf_controller/README.md",
+        "ros2_ws/src/rabbit_experiments/README.md",
         "docs/own_system.md",
-        "docs/plant.md",
+        "ros2_ws/src/rabbit_sim/README.md",
         "docs/tutorials/notebook.md",
     ],
 )

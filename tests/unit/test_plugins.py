@@ -151,7 +151,7 @@ def test_two_parts_of_one_name_are_refused(tmp_path: Path, monkeypatch: pytest.M
     ("line", "named"),
     [
         ("from cbf_clf_qp.recipe import Recipe", r"No module named 'cbf_clf_qp.recipe'.*another version of cbf_clf_qp"),
-        ("from cbf_clf_qp.quantity import rows_of", r"cannot import name 'rows_of'.*from_former_version.md"),
+        ("from cbf_clf_qp.quantity import rows_of", r"cannot import name 'rows_of'.*CHANGELOG.md"),
         ("import a_library_that_nobody_has", "needs the library a_library_that_nobody_has, which is not installed"),
     ],
 )

@@ -1,11 +1,11 @@
-"""The page of promises: each has a test, and each test that it names is there."""
+"""The pages of promises: each has a test, and each test that it names is there."""
 
 import ast
 import re
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGE = (ROOT / "docs" / "promises.md").read_text(encoding="utf-8")
+PAGE = "".join((ROOT / each / "promises.md").read_text(encoding="utf-8") for each in ("docs", "qa/docs"))
 ROWS = re.findall(r"^\| (?!promise)(?!-)(?!--)(.+) \|$", PAGE, re.MULTILINE)
 TESTS = re.compile(r"`([\w/]+\.py)::(\w+)`")
 

@@ -38,7 +38,7 @@ def load(group: str, name: str) -> Any:
         library = (error.name or "").partition(".")[0]
         message = f"it needs the library {error.name}, which is not installed"
         if library and find_spec(library):
-            message = f"{error}: it was written for another version of {library} (docs/from_former_version.md)"
+            message = f"{error}: it was written for another version of {library} (CHANGELOG.md)"
         raise PluginError(f"{group} {name}: {message}") from error
 
 

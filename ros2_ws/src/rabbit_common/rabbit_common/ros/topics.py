@@ -16,7 +16,7 @@ from std_srvs.srv import SetBool
 
 from rabbit_common.ros.qos import DIAGNOSTICS, EVENT, TICK, WEIGHTS
 
-A_TICK, IN_LAB = "1 a tick", "1 a tick with `sensors: lab`, else none"
+A_TICK, IN_LAB = "1 a tick", "1 a tick, lab"
 
 
 def type_name(kind: Any) -> str:
@@ -28,8 +28,8 @@ def type_name(kind: Any) -> str:
 class Topic:
     """A topic's type and QoS, the node that publishes it and those that need it. The recorder reads them all.
 
-    `rate`: when it is published. `carries`: for the page; empty: what the message's definition says. `beside`: the node
-    without which nobody publishes it.
+    `rate`: when it is published; lab: with `sensors: lab` alone, read: while a node reads it. `carries`: for the page;
+    empty: what the message's definition says. `beside`: the node without which nobody publishes it.
     """
 
     name: str
@@ -59,32 +59,32 @@ class Service:
 
 TOPICS = (
     Topic("state", msg.RobotState, TICK, A_TICK, "simulator", ("controller", "trainer", "viewer"),
-          "what is measured of the robot; with `sensors: lab` from the estimator"),
+          "what is measured of the robot; in a lab from the estimator"),
     Topic("joint_states", JointState, TICK, A_TICK, "simulator", ("estimator",),
-          "the same q, dq by the URDF's joint names, and torques; with `sensors: lab` what the joints' encoders say"),
+          "the same q, dq by the URDF's joint names, and torques; in a lab what the encoders say"),
     Topic("imu", Imu, TICK, IN_LAB, "simulator", ("estimator",),
           "in the torso at the hip: attitude, pitch rate, mean specific force over the tick", "estimator"),
     Topic("measured", msg.RobotState, TICK, IN_LAB, "simulator", ("estimator",),
           "all that `state` will have but q and dq, which are NaN", "estimator"),
-    Topic("true_state", msg.RobotState, TICK, f"{IN_LAB}; while a node reads it", "simulator", (),
+    Topic("true_state", msg.RobotState, TICK, f"{IN_LAB}, read", "simulator", (),
           "the true q, dq and foot forces, for judges; no node acts on it", "estimator"),
-    Topic("clock", Clock, TICK, f"{A_TICK}, while a node reads it", "simulator", (),
+    Topic("clock", Clock, TICK, f"{A_TICK}, read", "simulator", (),
           "simulated time, continuous over episodes"),
-    Topic("timing", msg.Timing, TICK, "1 a tick in real time, else none", "simulator"),
+    Topic("timing", msg.Timing, TICK, "1 a tick in real time", "simulator"),
     Topic("preview", msg.StonePreview, EVENT, "1 a stone", "simulator", ("controller", "viewer")),
     Topic("landing", msg.Landing, EVENT, "1 a stone", "simulator", ("launcher", "viewer")),
     Topic("episode", msg.Episode, EVENT, "3 an episode", "simulator",
           ("estimator", "controller", "trainer", "launcher", "viewer")),
     Topic("torque", msg.TorqueCommand, TICK, A_TICK, "controller", ("simulator", "trainer")),
-    Topic("controller_state", msg.ControllerState, TICK, f"{A_TICK}, while a node reads it", "controller",
+    Topic("controller_state", msg.ControllerState, TICK, f"{A_TICK}, read", "controller",
           ("trainer", "viewer")),
-    Topic("learner_terms", msg.LearnerTerms, TICK, f"{A_TICK}, while a node reads it", "controller",
+    Topic("learner_terms", msg.LearnerTerms, TICK, f"{A_TICK}, read", "controller",
           ("trainer", "viewer")),
     Topic("policy_swap", msg.PolicySwap, EVENT, "1 a policy", "controller"),
     Topic("controller_settings", msg.ControllerSettings, EVENT, "at start and at a change", "controller", ("viewer",)),
-    Topic("transition", msg.Transition, TICK, f"{A_TICK}, while a node reads it", "trainer"),
-    Topic("policy", msg.PolicyWeights, WEIGHTS, "1 an episode that the trainer plans", "trainer", (),
-          "a policy file's bytes, about 0.5 MB; the controller reads it unless its `swap_at` is `never`"),
+    Topic("transition", msg.Transition, TICK, f"{A_TICK}, read", "trainer"),
+    Topic("policy", msg.PolicyWeights, WEIGHTS, "1 an episode planned", "trainer", (),
+          "a policy file's bytes, about 0.5 MB; the controller reads it unless `swap_at` is `never`"),
     Topic("episode_plan", msg.EpisodePlan, EVENT, "1 an episode", "trainer", ("simulator", "launcher")),
     Topic("diagnostics", DiagnosticArray, DIAGNOSTICS, "1 Hz and at a change", "all", ("launcher",),
           "the node's health, what it waits for, what it accepted and refused"),
