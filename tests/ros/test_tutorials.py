@@ -44,6 +44,7 @@ def test_every_page_with_blocks_is_run() -> None:
     assert {name for name in listed.stdout.split() if blocks(ROOT / name)} == SHORTER.keys() | ELSEWHERE
 
 
+@pytest.mark.timeout(900)  # a page of ten commands, each of which starts anew
 @pytest.mark.parametrize(
     "page",
     [
