@@ -6,9 +6,8 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from rabbit_description.force_ratio import force_ratio
+from rabbit_description.force_ratio import IMPACT_TICKS, force_ratio
 from rabbit_description.state import JOINTS, TICK_SECONDS, Array
-from rabbit_experiments.metrics import IMPACT_TICKS
 from rabbit_experiments.summary import Walks, wilson
 from rabbit_experiments.walk_records import WalkRecords
 from rabbit_viewer import style

@@ -14,7 +14,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, PlainSerializer
-from rabbit_description.force_ratio import force_ratio
+from rabbit_description.force_ratio import IMPACT_TICKS, force_ratio
 from rabbit_description.state import JOINTS, Array
 from rabbit_sim.simulation import Landing, Outcome
 from rl_cbf_clf_controller.message_fields import STONE_BARRIERS
@@ -23,7 +23,6 @@ from rl_trainer.rollout import Record
 
 from rabbit_experiments.walk_records import RESCUE_NEEDED
 
-IMPACT_TICKS = 4  # of a step's beginning, whose mean force may hold some of the 30 ms after impact
 SLACK_USED = 1e-3  # least d that counts, in its row's unit: whether d is less or 0 depends on the processor's rounding
 NUMBERS = 9  # of a tick, before its torque, eta and what its barriers promise
 ROWS = ("CLF", "B1", "B2", "C1", "C2", "u")  # of the QP, both cone rows as C2 and all saturation rows as u

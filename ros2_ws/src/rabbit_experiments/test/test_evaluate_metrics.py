@@ -5,10 +5,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rabbit_description.force_ratio import IMPACT_TICKS
 from rabbit_description.gait import load_gait
 from rabbit_description.state import Array, Leg, RobotState, StonePreview
 from rabbit_estimator.parameters import EstimatorParameters
-from rabbit_experiments.metrics import IMPACT_TICKS, RunResult, RunRow, RunTally
+from rabbit_experiments.metrics import RunResult, RunRow, RunTally
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.perturbations.sensors import Laboratory
 from rabbit_sim.simulation import Landing, Outcome

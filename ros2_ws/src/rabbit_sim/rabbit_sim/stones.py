@@ -10,7 +10,6 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError,
 from rabbit_description.bounded_file import FileError, read_text
 from rabbit_description.state import Array
 from rabbit_description.yaml_file import MOST_BYTES, read_yaml, shortened
-from scipy.special import ndtr, ndtri
 
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.plant import FARTHEST_EDGE, HIGHEST_TOP
@@ -46,6 +45,8 @@ def draw_course(parameters: SimulationParameters, rng: np.random.Generator) -> l
     reach = parameters.l_min_truncation
     share = rng.uniform(size=parameters.stones)
     if parameters.l_min_distribution == "normal":
+        from scipy.special import ndtr, ndtri  # slow to import
+
         deviation: Array = ndtri(ndtr(-reach) + share * (ndtr(reach) - ndtr(-reach))).clip(-reach, reach)
     else:
         deviation = reach * (2 * share - 1)

@@ -14,9 +14,8 @@ from typing import Any
 
 import numpy as np
 from cbf_clf_qp.constraints import ResClf
-from rabbit_description.force_ratio import force_ratio
+from rabbit_description.force_ratio import IMPACT_TICKS, force_ratio
 from rabbit_description.state import ACTUATED, JOINTS, TICK_SECONDS, Array, Leg
-from rabbit_experiments.metrics import IMPACT_TICKS
 
 from rabbit_viewer.geometry import STRAIGHT, Links, leg_points, links_of, torso_points
 
