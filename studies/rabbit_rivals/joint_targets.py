@@ -10,7 +10,6 @@ controller's own. An action (4,) in [-1, 1] has the order stance hip, stance kne
 The network reads the last `FRAMES` ticks, from which a robot can be told: its masses, its motors.
 """
 
-import itertools
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -27,7 +26,7 @@ from rl_cbf_clf_controller.scene import Scene
 from rl_cbf_clf_controller.uncertainty import UNITS
 from rl_cbf_clf_controller.weights import Actor
 
-from rabbit_rivals.model_file import About, ModelFile, read
+from rabbit_rivals.model_file import About, ModelFile, layer_shapes, read
 
 KP, KD = 600.0, 30.0  # N m/rad, N m s/rad; with them alone the robot walks on flat ground at mass scales 1 and 2
 REACH = 0.3  # rad; KP REACH is nearly the motors' limit of 200 N m
@@ -53,10 +52,7 @@ class NetworkAbout(About):
 
     @property
     def shapes(self) -> dict[str, tuple[int, ...]]:
-        found: dict[str, tuple[int, ...]] = {}
-        for i, (before, after) in enumerate(itertools.pairwise((READS, *self.hidden, ACTIONS))):
-            found |= {f"{i}.weight": (after, before), f"{i}.bias": (after,)}
-        return found
+        return layer_shapes(READS, *self.hidden, ACTIONS)
 
 
 class NetworkPolicy(Policy):

@@ -8,7 +8,6 @@
 `rabbit rival task TASK` trains, and `rabbit system evaluate TASK --controller ppo:FILE` rides what was trained.
 """
 
-import itertools
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -27,7 +26,7 @@ from rabbit_residual.fleet import Rollout
 from rabbit_residual.ppo import Ppo, PpoParameters
 from rl_cbf_clf_controller.weights import Actor, PolicyFileError
 
-from rabbit_rivals.model_file import About, ModelFile, read
+from rabbit_rivals.model_file import About, ModelFile, layer_shapes, read
 
 PER_TICK, BROKEN = 0.02, -1.0  # reward
 RIDES = 3  # of the nominal controller, which show the units
@@ -52,10 +51,7 @@ class TaskAbout(About):
 
     @property
     def shapes(self) -> dict[str, tuple[int, ...]]:
-        found: dict[str, tuple[int, ...]] = {}
-        for i, (before, after) in enumerate(itertools.pairwise((len(self.reads), *self.hidden, len(self.inputs)))):
-            found |= {f"{i}.weight": (after, before), f"{i}.bias": (after,)}
-        return found
+        return layer_shapes(len(self.reads), *self.hidden, len(self.inputs))
 
 
 def units_of(task: ControlTask) -> TaskAbout:
