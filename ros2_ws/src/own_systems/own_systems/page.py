@@ -21,10 +21,10 @@ COMMON = ("tick", "running", "events", "touchdowns")  # of all that the page sho
 
 
 class RideRows:
-    """`row`: a tick's numbers in the order of `columns`, NaN where there is none; `about`: what the page is told.
+    """`row` gives a tick's numbers in the order of `columns`, NaN where there is none; `about` describes the columns.
 
-    Of the QP's rows with one name, such as both bounds', the one that leaves least, or gives way most, is told. `most`:
-    numbers that a picture may take; what a later one draws beyond that is not shown.
+    Two rows of the QP may share a name, such as the bounds of one input. The page shows the smallest margin and the
+    largest slack of the two. `most` numbers hold a picture; the page does not show what a larger picture draws beyond.
     """
 
     def __init__(self, task: ControlTask, most: int = 0) -> None:
@@ -50,8 +50,8 @@ class RideRows:
             {"title": "what a row leaves", "of": "row", "columns": ["margin", "active"], "limits": [0]},
             {"title": "what it costs", "of": "row", "columns": ["multiplier"]},
         ]
-        told = {"name": name, "title": title, "columns": self.columns, "quantities": [], "barriers": self._barriers}
-        return {**told, "panels": panels if has_qp else panels[:2], "shapes": self._most}
+        known = {"name": name, "title": title, "columns": self.columns, "quantities": [], "barriers": self._barriers}
+        return {**known, "panels": panels if has_qp else panels[:2], "shapes": self._most}
 
     def _is_limit(self, i: int) -> bool:
         return bool(self._places[i][0] >= len(self.task.tick.layout.names) - self.task.tick.limits)
@@ -113,14 +113,14 @@ def ended_of(ride: Ride) -> dict[str, Any]:
     how: dict[str, Any] = {"outcome": ride.outcome, "stones": ride.impacts}
     if not ride.moments:
         return how
-    told = [f"{ride.controller}: {ride.outcome}"]
+    sentences = [f"{ride.controller}: {ride.outcome}"]
     values = np.array([moment.barriers for moment in ride.moments])
     for barrier, of in zip(ride.task.barriers, values.T, strict=True):
         least, tick = float(of.min()), int(of.argmin())
         word = "kept" if least >= -ride.task.tolerance else "broken"
-        told.append(f"{barrier.name} {word}, at least {least:.3g} at {ride.moments[tick].time:.2f} s")
+        sentences.append(f"{barrier.name} {word}, at least {least:.3g} at {ride.moments[tick].time:.2f} s")
     worst = int(values.min(axis=1).argmin()) if values.size else len(ride.moments) - 1
-    return {**how, "reason": "; ".join(told) + ".", "tick": worst}
+    return {**how, "reason": "; ".join(sentences) + ".", "tick": worst}
 
 
 def explained(ride: Ride, tick: int) -> tuple[Explanation, list[str]]:

@@ -5,7 +5,6 @@ import numpy as np
 from rabbit_description.state import Array
 
 LOADED = 20.0  # N, normal force from which the ratio is judged and shown
-
 IMPACT_TICKS = 4  # of a step's beginning, whose mean force may hold some of the 30 ms after impact
 
 

@@ -45,7 +45,7 @@ class EnginePlant(ABC):
         self._keeps_path = parameters.needs_path
 
     def close(self) -> None:
-        """End the circle of plant and detector: so the engine's memory goes with the last reference."""
+        """Break the reference cycle of plant and detector, so that the last reference frees the engine's memory."""
         vars(self).pop("watch", None)
 
     def reset(self, q: Array, dq: Array, stance: Leg) -> None:
