@@ -6,6 +6,7 @@ from typing import Any
 
 from pydantic import ValidationError
 from rabbit_description.gait import Gait, GaitLibrary
+from rabbit_description.validation import one_line
 
 from rabbit_gait_design.design import Progress, design_gait
 from rabbit_gait_design.specification import GaitSpecification
@@ -35,8 +36,7 @@ def library_specifications(
     try:
         return [[_one(base, length, speed_slope, slope, len(slopes) > 1) for length in lengths] for slope in slopes]
     except ValidationError as error:
-        fault = error.errors()[0]
-        raise ValueError(f"{'.'.join(map(str, fault['loc']))} = {fault['input']}: {fault['msg']}") from error
+        raise ValueError(one_line(error)) from error
 
 
 def design_library(

@@ -11,8 +11,9 @@ from typing import Self
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
-from rabbit_description.bounded_file import FileError, one_line, read_bytes
+from rabbit_description.bounded_file import FileError, read_bytes
 from rabbit_description.state import Array
+from rabbit_description.validation import one_line
 from scipy.optimize import minimize
 from scipy.special import expit
 

@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
-from rabbit_description.bounded_file import FileError, one_line
+from rabbit_description.bounded_file import FileError
+from rabbit_description.validation import one_line
 from rabbit_description.yaml_file import read_mapping, yaml_path
 from rabbit_experiments.assembly import Assembly
 from rl_cbf_clf_controller.parameters import ParameterError, load_parameters

@@ -11,8 +11,9 @@ from typing import Generic, TypeVar
 import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
 from rabbit_description.atomic_file import replacing
-from rabbit_description.bounded_file import FileError, one_line, parse_json, read_bytes
+from rabbit_description.bounded_file import FileError, parse_json, read_bytes
 from rabbit_description.state import Array
+from rabbit_description.validation import one_line
 from rl_cbf_clf_controller.weights import PolicyFileError
 from safetensors import SafetensorError
 from safetensors.numpy import load, save

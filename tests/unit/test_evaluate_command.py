@@ -169,7 +169,7 @@ def test_a_wrong_value_in_a_parameter_file_is_told_with_the_file(tmp_path: Path)
     done = evaluate(tmp_path / "out", "--parameters", file)
     assert done.exit_code == 2
     assert "mine.yaml" in done.stderr
-    assert "eps 7" in done.stderr
+    assert "eps = 7" in done.stderr
 
 
 def test_authors_parameters_and_an_option_over_them(tmp_path: Path) -> None:

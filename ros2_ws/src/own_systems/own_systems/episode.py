@@ -113,7 +113,11 @@ class Rider:
         if not name.endswith(".safetensors"):
             raise TaskError(f"controller {name}: expected {', '.join(self.names)}, a policy's file, or KIND:FILE")
         try:
-            return self.fitted(read(Path(name)))
+            file = read(Path(name))
+        except PolicyFileError as error:
+            raise TaskError(str(error)) from error
+        try:
+            return self.fitted(file)
         except PolicyFileError as error:
             raise TaskError(f"policy {name}: {error}") from error
 

@@ -21,8 +21,9 @@ from cbf_clf_qp import Clf, System
 from cbf_clf_qp.functions import Array, NumpyFunction, packed
 from cbf_clf_qp.system import solved
 from pydantic import BaseModel, ConfigDict, Field, model_validator
-from rabbit_description.bounded_file import one_line, read_text
+from rabbit_description.bounded_file import read_text
 from rabbit_description.planar_urdf import BASE, SLIDES, with_planar_base
+from rabbit_description.validation import one_line
 from rabbit_description.yaml_file import MOST_BYTES, read_mapping
 from rl_cbf_clf_controller.planar_robot import PinnedRobot, rotated
 from rl_cbf_clf_controller.robot_numbers import read_robot

@@ -17,7 +17,6 @@ import sys
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from difflib import get_close_matches
 from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, Literal, NoReturn, TypeVar, get_args, get_origin
@@ -25,8 +24,8 @@ from typing import Annotated, Any, Literal, NoReturn, TypeVar, get_args, get_ori
 import typer
 from pydantic import BaseModel, Field, ValidationError
 from pydantic.fields import FieldInfo
-from pydantic_core import ErrorDetails
-from rabbit_description.bounded_file import one_line
+from rabbit_description import validation
+from rabbit_description.validation import one_line
 
 from rabbit_common.executables import NAMESPACE
 
@@ -111,8 +110,6 @@ def complaints(*errors: type[Exception]) -> Iterator[None]:
     except ValidationError as error:
         fail(fault(error))
     except errors as error:
-        if isinstance(error.__cause__, ValidationError):
-            fail(f"{str(error).split(': ')[0]}: {fault(error.__cause__)}")
         fail(error, getattr(error, "code", BAD_VALUE))
 
 
@@ -129,22 +126,8 @@ def check_namespace(namespace: str) -> None:
 
 
 def fault(error: ValidationError) -> str:
-    """Option, value and expectation of the first thing that is wrong."""
-    first: ErrorDetails = error.errors()[0]
-    text = re.sub(r"^(Input should be|Value error,)( a valid)? ?(expected )?", "", first["msg"])
-    if first["type"] == "literal_error":
-        known = re.findall(r"'([^']*)'", str(first.get("ctx", {}).get("expected", "")))
-        near = get_close_matches(str(first["input"]), known, n=1)
-        text += f"; did you mean {near[0]}?" if near else ""
-    parts = "".join(f"[{part}]" for part in first["loc"][1:])
-    if first["type"] == "extra_forbidden":
-        return f"{first['loc'][0]}{parts}: no such parameter"
-    if first["type"] == "model_type":
-        text = "names, each with a value"
-    if not first["loc"]:
-        return f"expected {text}" if first["type"] == "model_type" else first["msg"].removeprefix("Value error, ")
-    name = option_name(str(first["loc"][0])) + parts
-    return f"{name}: missing" if first["type"] == "missing" else f"{name} {first['input']}: expected {text}"
+    """The first thing that is wrong, as an option."""
+    return validation.fault(error, option_name, " ")
 
 
 def option_name(field: str) -> str:

@@ -7,7 +7,7 @@ import zlib
 from pathlib import Path
 from typing import Any
 
-LONGEST_LINE = 1000  # characters of an error
+from rabbit_description.validation import one_line
 
 
 class FileError(ValueError):
@@ -68,12 +68,6 @@ def gunzip(data: bytes, most: int) -> bytes:
     if not stream.eof:
         raise FileError(f"cut, or more than {most} bytes")
     return found
-
-
-def one_line(error: object, most: int = LONGEST_LINE) -> str:
-    """What an error says, in one line of at most `most` characters."""
-    text = " ".join(str(error).split())
-    return text if len(text) <= most else f"{text[:most]} ..."
 
 
 def _check(status: os.stat_result, most: int) -> None:

@@ -14,8 +14,9 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from rabbit_description import GAITS, LIBRARIES
 from rabbit_description.atomic_file import replace_text
-from rabbit_description.bounded_file import FileError, one_line, read_text
+from rabbit_description.bounded_file import FileError, read_text
 from rabbit_description.state import DOF, JOINTS, Array
+from rabbit_description.validation import one_line
 from rabbit_description.yaml_file import MOST_BYTES, dump_yaml, parse_yaml
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]

@@ -13,7 +13,8 @@ from typing import Any, NoReturn
 
 import yaml
 
-from rabbit_description.bounded_file import FileError, one_line, read_text
+from rabbit_description.bounded_file import FileError, read_text
+from rabbit_description.validation import one_line
 
 MOST_BYTES = 250_000  # the largest library that is shipped has 47,192
 DEEPEST = 20  # lists and mappings in each other

@@ -58,8 +58,9 @@ class Assembly:
             return ZeroPolicy(self.controller.problem)
         if self.policy == "oracle":
             return self._oracle()
+        file = read(Path(self.policy))
         try:
-            return fitted(read(Path(self.policy)), self.controller, load_gaits(self.controller.gait))
+            return fitted(file, self.controller, load_gaits(self.controller.gait))
         except PolicyFileError as error:
             raise PolicyFileError(f"{self.policy}: {error}") from error
 

@@ -15,8 +15,9 @@ from zipfile import ZipFile
 
 import numpy as np
 from rabbit_description.atomic_file import replacing
-from rabbit_description.bounded_file import one_line, parse_json, read_bytes
+from rabbit_description.bounded_file import parse_json, read_bytes
 from rabbit_description.state import DOF, JOINTS, TICK_SECONDS, Array, RobotState
+from rabbit_description.validation import one_line
 from rabbit_description.yaml_file import shortened
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Landing

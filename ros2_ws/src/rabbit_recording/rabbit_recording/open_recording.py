@@ -15,7 +15,7 @@ from typing import Any
 
 import lz4.frame  # type: ignore[import-untyped]
 from backports import zstd
-from rabbit_description.bounded_file import one_line
+from rabbit_description.validation import one_line
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection
 from rosbags.rosbag2 import Reader, ReaderError

@@ -5,7 +5,8 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from rabbit_description import DEFAULT_GAIT
-from rabbit_description.bounded_file import FileError, one_line
+from rabbit_description.bounded_file import FileError
+from rabbit_description.validation import one_line
 
 from rl_cbf_clf_controller.kinds import ControllerName, find_kind
 from rl_cbf_clf_controller.problem import Problem

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from rabbit_description.atomic_file import replacing
-from rabbit_description.bounded_file import FileError, one_line, read_bytes
+from rabbit_description.bounded_file import FileError, read_bytes
+from rabbit_description.validation import one_line
 from safetensors import SafetensorError
 from safetensors.numpy import load, save
 from scipy.linalg.blas import dgemv

@@ -23,7 +23,8 @@ from zipfile import ZipFile
 import numpy as np
 import torch
 from rabbit_description.atomic_file import remove_partials, replace_text, replacing
-from rabbit_description.bounded_file import one_line, read_bytes
+from rabbit_description.bounded_file import read_bytes
+from rabbit_description.validation import one_line
 from rabbit_description.yaml_file import dump_yaml
 
 from rl_trainer.parameters import TrainingParameters

@@ -10,6 +10,7 @@ from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
+from rabbit_description.validation import fault
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.node import Node
@@ -82,10 +83,7 @@ def _checked(model: type[Model], values: dict[str, Any]) -> Model:
     try:
         return model.model_validate(values)
     except ValidationError as error:
-        first = error.errors()[0]
-        name = ".".join(str(part) for part in first["loc"])
-        which = f"parameter {name} = {first['input']!r}: " if name else ""  # a sentence on several names them itself
-        raise ParameterError(which + first["msg"].removeprefix("Value error, ")) from error
+        raise ParameterError(fault(error, "parameter {}".format)) from error
 
 
 def _default(info: FieldInfo) -> Any:

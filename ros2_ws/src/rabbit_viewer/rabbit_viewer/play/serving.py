@@ -31,7 +31,7 @@ from rabbit_viewer.play.messages import ASKED, Asked, Begin, Learned, Push, Set
 from rabbit_viewer.play.settings import PlayError, Start, plant_of
 
 BUSY = "the walk has not yet done what was asked before: ask again"
-INSIDE = re.compile(r"^(?:--)?\w+(?:\[settings\])?\[(\w+)\]")  # where in a message a setting is
+INSIDE = re.compile(r"^(?:--)?\w+(?:\.settings)?\.(\w+)")  # where in a message a setting is
 FILM = ".mp4"
 MOST_WAITING = 100  # messages for the player
 ENDING_SECONDS = 0.7  # for a process to close what it has opened

@@ -1,0 +1,35 @@
+"""What is wrong with a value or a file, in one line: its name, what it is, what was expected."""
+
+import re
+from collections.abc import Callable
+from difflib import get_close_matches
+
+from pydantic import ValidationError
+
+LONGEST_LINE = 1000  # characters of an error
+
+
+def one_line(error: object, most: int = LONGEST_LINE) -> str:
+    """What an error says, in one line of at most `most` characters; of pydantic's the first fault."""
+    text = " ".join((fault(error) if isinstance(error, ValidationError) else str(error)).split())
+    return text if len(text) <= most else f"{text[:most]} ..."
+
+
+def fault(error: ValidationError, named: Callable[[str], str] = str, equals: str = " = ") -> str:
+    """Name, value and expectation of the first thing that is wrong, an unknown name before all others."""
+    first = min(error.errors(), key=lambda each: each["type"] != "extra_forbidden")
+    text = re.sub(r"^(Input should be|Value error,)( a valid)? ?(expected )?", "", first["msg"])
+    if first["type"] == "literal_error":
+        known = re.findall(r"'([^']*)'", str(first.get("ctx", {}).get("expected", "")))
+        near = get_close_matches(str(first["input"]), known, n=1)
+        text += f"; did you mean {near[0]}?" if near else ""
+    if first["type"] == "model_type":
+        text = "names, each with a value"
+    if not first["loc"]:
+        return f"expected {text}" if first["type"] == "model_type" else first["msg"].removeprefix("Value error, ")
+    place, *inside = first["loc"]
+    parts = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in inside)
+    if first["type"] == "extra_forbidden":
+        return f"{place}{parts}: no such parameter"
+    name = f"{named(str(place))}{parts}"
+    return f"{name}: missing" if first["type"] == "missing" else f"{name}{equals}{first['input']}: expected {text}"
