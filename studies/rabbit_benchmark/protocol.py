@@ -7,6 +7,7 @@ from typing import Literal
 
 from pydantic import ValidationError
 from rabbit_description.gait import GaitError
+from rabbit_description.validation import one_line
 from rabbit_experiments.assembly import AssemblyError
 from rabbit_experiments.evaluation import Walk, episode_seeds
 from rabbit_experiments.provenance import plain, provenance
@@ -56,7 +57,7 @@ class Protocol:
             walks[0].assembly.make_policy()
             provenance(plain(walks[0]))
         except (SourceError, AssemblyError, GaitError, ParameterError, PolicyFileError, ValidationError) as error:
-            raise CannotTake(" ".join(str(error).split())) from error
+            raise CannotTake(one_line(error)) from error
         return walks
 
 

@@ -8,6 +8,7 @@ from typing import get_args
 import pytest
 from rabbit_benchmark import methods
 from rabbit_benchmark.cells import TERRAINS, CellError, Map, Terrain, cells, chosen, storm, storm_plant
+from rabbit_benchmark.commands.benchmark import app
 from rabbit_benchmark.comparison import holm, paired
 from rabbit_benchmark.families import families
 from rabbit_benchmark.methods import BUILT_IN, MethodError, method, variants
@@ -17,6 +18,7 @@ from rabbit_experiments.cache import Cache
 from rabbit_experiments.engine import run
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import load_parameters
+from typer.testing import CliRunner
 
 TINY = Protocol(courses=1, stones=1)
 
@@ -105,6 +107,21 @@ def test_an_unknown_cell_or_method_is_named() -> None:
         chosen(["flat/moon"])
     with pytest.raises(MethodError, match="nobody"):
         method("nobody")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["best:eps=7"], "best:eps=7: controller parameters"),
+        (["nominal:eps="], "expected PARAMETER=VALUE"),
+        (["l1"], "l1: no controller for stones"),
+        (["best", "--against", "nobody"], "--against nobody"),
+    ],
+)
+def test_what_nobody_could_walk_is_refused(words: list[str], said: str, tmp_path: Path) -> None:
+    refused = CliRunner().invoke(app, [*words, "--cells", "stones/scale-2", "--out", str(tmp_path / "out")])
+    assert (refused.exit_code, said in refused.stderr) == (2, True), refused.stderr
+    assert not (tmp_path / "out").exists()
 
 
 def test_what_an_entry_point_brings_must_be_a_method(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -45,7 +45,7 @@ def benchmark(
     from rabbit_experiments.engine import run
 
     from rabbit_benchmark.cells import CellError, chosen
-    from rabbit_benchmark.methods import MethodError, names, variants
+    from rabbit_benchmark.methods import REFERENCE, MethodError, names, variants
     from rabbit_benchmark.protocol import Protocol, plan
     from rabbit_benchmark.report import Benchmark
 
@@ -60,11 +60,14 @@ def benchmark(
         for cell in wanted:
             print(f"{cell.name} ({cell.map})")
         return
-    protocol, cache = (
-        Protocol(courses, seeds, sensors=sensors, plant=plant),
-        Cache(own_folder(out, "benchmark") / "cache"),
-    )
+    if against not in (REFERENCE, *(each.name for each in entered)):
+        fail(f"--against {against}: expected one of the methods that walk")
+    protocol = Protocol(courses, seeds, sensors=sensors, plant=plant)
     runs = plan(protocol, entered, wanted)
+    for each in entered if methods else ():
+        if all(isinstance(reason := runs[each, cell], str) for cell in wanted):
+            fail(f"{each.name}: {reason}")
+    cache = Cache(own_folder(out, "benchmark") / "cache")
     try:
         with complaints(JobError):
             walks = [job for each in runs.values() if not isinstance(each, str) for job in each]

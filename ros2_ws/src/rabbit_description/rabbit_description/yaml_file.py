@@ -36,9 +36,9 @@ _Parser = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # ten times as fast
 
 
 def yaml_path(name_or_path: str | Path, folder: Path) -> Path:
-    """A path that ends in `.yaml` as it is; anything else is the name of a file in `folder`."""
+    """A path with a suffix as it is; anything else is the name of a file in `folder`."""
     path = Path(name_or_path)
-    return path if path.suffix == ".yaml" else folder / f"{name_or_path}.yaml"
+    return path if path.suffix else folder / f"{name_or_path}.yaml"
 
 
 def read_yaml(path: Path) -> Any:
