@@ -225,7 +225,7 @@ def test_the_commands(cart, task, tmp_path):
     bag = tmp_path / "r" / "recording"
     assert typed("check", bag, "--task", cart, of=bag_app) == (0, "300 ticks replayed, 0 lost, inputs identical\n")
     code, said = typed("check", bag, of=bag_app)
-    assert (code, "give `--task`" in said) == (2, True)
+    assert (code, "with `--task`" in said) == (2, True)
     code, said = typed("plot", bag, "--task", cart, "--out", tmp_path / "p", of=bag_app)
     assert (code, (tmp_path / "p" / "rows.png").read_bytes()) == (0, (tmp_path / "r" / "rows.png").read_bytes()), said
     code, said = typed("show", bag, "--task", cart, "--export", tmp_path / "ride.html", of=bag_app)

@@ -131,7 +131,8 @@ def _decoded(gathered: Gathered, inventory: EpisodeInventory, announced: _Announ
         details, terms = (each and each.decode() for each in (ticks[topic].get(tick) for topic in DETAILS))
         if len(state.q) != DOF:
             raise RecordingError(
-                f"{len(state.q)} coordinates: no robot of ours; give `--task` if it is of a system of your own"
+                f"{len(state.q)} coordinates: no robot of ours; of your own system `rabbit bag` plots, shows, checks "
+                "and explains it with `--task`"
             )
         stone, version, controller = state.touchdowns + 1, torque.policy_version, torque.sender
         if stone not in previews:
