@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 DIFFERS = 1
 APART = 1_000_000  # seeds of evaluations begin here times their own; those of trainings are 32 bits long, drawn
 
+DECIMALS = 4  # of a barrier
 app = typer.Typer(help=__doc__, no_args_is_help=True, add_completion=False)
 Task = Annotated[
     str, typer.Argument(help="a .py file with a ControlTask, a walker's .yaml, or an entry point in rabbit.systems")
@@ -87,7 +88,7 @@ def show(task: "ControlTask", summary: dict[str, Any]) -> None:
         row = [Path(controller).stem, f"{of['kept']} of {of['of']} {interval(of['kept_ci95'], 2)}"]
         for name in names:
             b = of["barriers"].get(name)
-            row.append(f"{b['worst']:.4f}; {b['mean']:.4f} {interval(b['mean_ci95'], 4)}" if b else "-")
+            row.append(f"{b['worst']:.4f}; {b['mean']:.4f} {interval(b['mean_ci95'], DECIMALS)}" if b else "-")
         if counts := of.get("impacts"):
             row.append(f"{counts['mean']:.1f} {interval(counts['mean_ci95'], 1)}")
         table.add_row(*row, ", ".join(f"{count} {name}" for name, count in of["outcomes"].items()))
