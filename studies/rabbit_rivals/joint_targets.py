@@ -24,9 +24,9 @@ from rl_cbf_clf_controller.policy import Policy
 from rl_cbf_clf_controller.residual_policy import of_one
 from rl_cbf_clf_controller.scene import Scene
 from rl_cbf_clf_controller.uncertainty import UNITS
-from rl_cbf_clf_controller.weights import Actor
+from rl_cbf_clf_controller.weights import Actor, layer_shapes
 
-from rabbit_rivals.model_file import About, ModelFile, layer_shapes, read
+from rabbit_rivals.model_file import About, ModelFile, read
 
 KP, KD = 600.0, 30.0  # N m/rad, N m s/rad; with them alone the robot walks on flat ground at mass scales 1 and 2
 REACH = 0.3  # rad; KP REACH is nearly the motors' limit of 200 N m

@@ -4,7 +4,6 @@ import hashlib
 import json
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import pairwise
 from pathlib import Path
 from typing import Generic, TypeVar
 
@@ -73,14 +72,6 @@ class ModelFile(Generic[Kind]):
         path.parent.mkdir(parents=True, exist_ok=True)
         with replacing(path) as partial:
             partial.write_bytes(save(self.arrays, metadata={KEY: json.dumps(head)}))
-
-
-def layer_shapes(*units: int) -> dict[str, tuple[int, ...]]:
-    """Of the weights and biases of a network with so many `units` in each layer, inputs first."""
-    shapes: dict[str, tuple[int, ...]] = {}
-    for i, (before, after) in enumerate(pairwise(units)):
-        shapes |= {f"{i}.weight": (after, before), f"{i}.bias": (after,)}
-    return shapes
 
 
 def read(path: Path, kind: type[Kind]) -> ModelFile[Kind]:

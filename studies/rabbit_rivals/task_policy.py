@@ -24,9 +24,9 @@ from own_systems.task import Moved, OwnController
 from pydantic import Field
 from rabbit_residual.fleet import Rollout
 from rabbit_residual.ppo import Ppo, PpoParameters
-from rl_cbf_clf_controller.weights import Actor, PolicyFileError
+from rl_cbf_clf_controller.weights import Actor, PolicyFileError, layer_shapes
 
-from rabbit_rivals.model_file import About, ModelFile, layer_shapes, read
+from rabbit_rivals.model_file import About, ModelFile, read
 
 PER_TICK, BROKEN = 0.02, -1.0  # reward
 RIDES = 3  # of the nominal controller, which show the units

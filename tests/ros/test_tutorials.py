@@ -44,7 +44,7 @@ def test_every_page_with_blocks_is_run() -> None:
     assert {name for name in listed.stdout.split() if blocks(ROOT / name)} == SHORTER.keys() | ELSEWHERE
 
 
-@pytest.mark.timeout(900)  # a page of ten commands, each of which starts anew
+@pytest.mark.timeout(900)  # a page has ten commands, and each starts its own process
 @pytest.mark.parametrize(
     "page",
     [

@@ -23,10 +23,10 @@ def fault(error: ValidationError, named: Callable[[str], str] = str, equals: str
         known = re.findall(r"'([^']*)'", str(first.get("ctx", {}).get("expected", "")))
         near = get_close_matches(str(first["input"]), known, n=1)
         text += f"; did you mean {near[0]}?" if near else ""
-    if first["type"] == "model_type":
-        text = "names, each with a value"
+    is_mapping = first["type"] == "model_type"
+    text = "names, each with a value" if is_mapping else text
     if not first["loc"]:
-        return f"expected {text}" if first["type"] == "model_type" else first["msg"].removeprefix("Value error, ")
+        return f"expected {text}" if is_mapping else first["msg"].removeprefix("Value error, ")
     place, *inside = first["loc"]
     parts = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in inside)
     if first["type"] == "extra_forbidden":

@@ -1,4 +1,4 @@
-"""What is told of a value that pydantic refused: no line feed, no address, the name, the value, what was expected."""
+"""A value that pydantic refused is told in one line: its name, its value, what was expected."""
 
 from typing import Any
 

@@ -137,10 +137,7 @@ class PolicyMetadata(BaseModel):
     def shapes(self) -> dict[str, tuple[int, ...]]:
         """Names and shapes of all arrays in the file."""
         sizes = (len(self.observation), *self.hidden, self.outputs)
-        shapes: dict[str, tuple[int, ...]] = {PROBE: (len(probe_inputs(1)), self.outputs)}
-        for i, (before, after) in enumerate(itertools.pairwise(sizes)):
-            shapes |= {f"{i}.weight": (after, before), f"{i}.bias": (after,)}
-        return shapes
+        return {PROBE: (len(probe_inputs(1)), self.outputs), **layer_shapes(*sizes)}
 
 
 class _Head(BaseModel):
@@ -264,6 +261,14 @@ class Actor:
                 dgemv(1, weights, row, 1, result, 0, 1, 0, 1, 1, 1)  # transposed, into `result`
         outputs: NDArray[np.float64] = np.tanh(values, out=values)
         return outputs
+
+
+def layer_shapes(*units: int) -> dict[str, tuple[int, ...]]:
+    """Of the weights and biases of a network with so many `units` in each layer, inputs first."""
+    shapes: dict[str, tuple[int, ...]] = {}
+    for i, (before, after) in enumerate(itertools.pairwise(units)):
+        shapes |= {f"{i}.weight": (after, before), f"{i}.bias": (after,)}
+    return shapes
 
 
 def problem_fields(problem: Problem) -> dict[str, Any]:

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 DIFFERS = 1
 APART = 1_000_000  # seeds of evaluations begin here times their own; those of trainings are 32 bits long, drawn
-
 DECIMALS = 4  # of a barrier
+
 app = typer.Typer(help=__doc__, no_args_is_help=True, add_completion=False)
 Task = Annotated[
     str, typer.Argument(help="a .py file with a ControlTask, a walker's .yaml, or an entry point in rabbit.systems")
