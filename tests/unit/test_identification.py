@@ -9,7 +9,17 @@ from rabbit_description.state import TICK_SECONDS
 from rabbit_gait_design.pinocchio_model import PinocchioModel
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.robot_urdf import perturbed_urdf
-from rl_cbf_clf_controller.identification import DAMPING, MOTOR_GAIN, THETA, Identification, disbelief
+from rl_cbf_clf_controller.identification import (
+    BASE_DOUBT,
+    DAMPING,
+    MOTOR_GAIN,
+    THETA,
+    USUAL_LATE,
+    Identification,
+    disbelief,
+    in_use,
+    shares,
+)
 from rl_cbf_clf_controller.least_squares import LeastSquares, updated
 from rl_cbf_clf_controller.planar_robot import PinnedRobot
 from rl_cbf_clf_controller.robot_numbers import RobotNumbers, read_robot
@@ -39,17 +49,26 @@ def random_state(rng):
     return POSE + rng.uniform(-0.3, 0.3, 7), rng.uniform(-3, 3, 7)
 
 
-def walk_about(true: PinocchioModel, identification: Identification, ticks: int, pull: float = 0.0) -> None:
-    """Ticks whose mean motion is the true robot's exactly, in poses at random; a cable pulls at its joints, N m."""
+def walk_about(
+    true: PinocchioModel, identification: Identification, ticks: int, pull: float = 0.0, sticks: bool = False
+) -> None:
+    """Ticks whose mean motion is the true robot's exactly, in poses at random.
+
+    A cable pulls at its joints, N m. If their encoders stick, they say in every third tick what they said before.
+    """
+    joints, said = np.r_[3:7, 10:14], np.zeros((2, 14))
     rng, before = np.random.default_rng(5), np.zeros(4)
-    for _ in range(ticks):
+    for tick in range(ticks):
         (q, dq), u = random_state(rng), rng.normal(0, 40, 4)
         true.update(q, dq)
         dynamics = true.pinned()
         arrived = u + LATE * (before - u) + pull
         ddq, force = dynamics.acceleration(arrived), dynamics.force(arrived)
         half = TICK_SECONDS / 2
-        ends = [np.concatenate([q + side * dq, dq + side * ddq]) for side in (-half, half)]
+        ends = np.array([np.concatenate([q + side * dq, dq + side * ddq]) for side in (-half, half)])
+        if sticks and tick % 3 == 2:
+            ends[:, joints] = said[:, joints]
+        said = ends
         identification.learn(*ends, (before, u), np.array([force, [0.0, 0.0]]))
         before = u
 
@@ -172,9 +191,36 @@ def test_an_innovation_has_a_mean_square_of_one():
 
 
 def test_masses_are_believed_and_a_cable_at_the_joints_is_doubted():
+    """No torque at a joint acts in the base's rows, so they say the masses all the same."""
     for pull, expected in ((0.0, 0.0), (40.0, 1.0)):
         identification = Identification(numbers())
         walk_about(robot(mass_scale=2.0), identification, 100, pull)
-        assert disbelief(identification.doubt) == expected
+        assert disbelief(identification.doubts) == expected
+        assert identification.doubts[1] == 0
+        assert total(identification.base) == pytest.approx(2 * total(identification.nominal[THETA]), rel=0.01)
     identification.reset()
-    assert disbelief(identification.doubt) == 0
+    assert disbelief(identification.doubts) == 0
+
+
+def test_an_encoder_that_sticks_is_seen_in_the_rows_of_the_base_too():
+    """So what these rows say is not used."""
+    identification = Identification(numbers())
+    walk_about(robot(mass_scale=2.0), identification, 100, sticks=True)
+    doubt, of_base = identification.doubts
+    assert doubt > 0.3
+    assert of_base > BASE_DOUBT
+    assert shares(identification.doubts)[0] == 0
+
+
+def total(theta):
+    """The mass of torso and both legs."""
+    torso, thigh, shin = theta.reshape(3, -1)[:, 0]
+    return torso + 2 * thigh + 2 * shin
+
+
+def test_what_takes_the_place_of_a_robot_that_is_doubted():
+    """The base's rows where they are explained, or else the nominal robot."""
+    found, base, nominal = np.full(15, 3.0), np.full(12, 2.0), np.full(15, 4.0)
+    for doubts, expected in (((0.0, 0.0), 3), ((0.15, 1.0), 3), ((0.3, 0.0), 2), ((0.225, 0.0), 2.5), ((0.6, 0.05), 4)):
+        assert in_use(found, base, nominal, np.array(doubts))[THETA] == pytest.approx(expected)
+    assert in_use(found, base, nominal, np.array([0.3, 0.0]))[THETA.stop :] == pytest.approx([0, 1, USUAL_LATE])

@@ -17,8 +17,12 @@ the noise is M times that of q'', which is in R with the rates' variance; the ot
 over a tick leave out.
 
 What such a robot does not explain is seen in the innovations. Their normalised square is below 0.1 in the mean for any
-masses, and about 1 for motors that saturate unseen or joints whose friction remembers. The doubt (0 to 1) follows it,
+masses, and about 1 for motors that saturate unseen or joints whose friction remembers. A doubt (0 to 1) follows it,
 fast when it rises and slowly when it falls.
+
+No motor, gear or joint acts in the first three rows, those of the base (two slides and the pitch). So theta is found a
+second time, from these rows alone. It is less exact and no motor can mislead it. Their own doubt is 0 whatever the
+motors do, and rises where a sensor is wrong. `shares` says which robot is then used.
 
 The prior: the nominal robot, and around it a mass scale, a point mass at the torso's centre of mass
 and, much less, any change of any link. M_jj is that of the last x. d, kappa, theta are told apart because F is
@@ -64,28 +68,31 @@ SHARE = float(1 - np.exp(-TICK_SECONDS / FILTER_TIME))
 PER_RATE_VARIANCE = 2 * (SHARE / TICK_SECONDS) ** 2 / (2 - SHARE)  # of a low-passed difference of white noise
 EXPLAINED, UNEXPLAINED = 0.5, 2.0  # normalised squares of an innovation; the doubt goes towards 0 and 1 there
 DOUBT_RISES, DOUBT_FALLS = 0.05, 0.005  # of the way, each tick
-DOUBT_BEGINS, DOUBT_WINS = 0.3, 0.6  # the doubts from which on the robot found counts less, and no more
+TO_BASE, TO_NOMINAL = (0.15, 0.3), (0.3, 0.6)  # the doubts from which on another robot counts, and it alone
+BASE_DOUBT = 0.05  # of the base's rows, from which on they are not used
 NOTHING_FILTERED = np.zeros((DOF, SIZE)), np.zeros(DOF)
 
 
 class Identification:
     """`value` (15,), as in `IDENTIFIED`, of a robot with the lengths of `robot`; starts from its links.
 
-    `doubt` (1,) is how much that robot leaves unexplained. What the least squares say is taken over as long as it is a
-    robot that can be. One object serves one thread.
+    `base` (12,) is theta as the base's rows say, `doubts` (2,) how much all rows and the base's leave unexplained. What
+    the least squares say is taken over as long as it is a robot that can be. One object serves one thread.
     """
 
     def __init__(self, robot: RobotNumbers) -> None:
         self._joints, self._feet = robot.joints, robot.feet
-        self._start = np.concatenate([robot.theta, [0.0, 1.0, 0.0]])
-        self._prior = prior_covariance(self._start[THETA])
+        self.nominal = np.concatenate([robot.theta, [0.0, 1.0, 0.0]])
+        self._prior = prior_covariance(robot.theta)
         self._learned = identification_function()
         self.reset()
 
     def reset(self) -> None:
         """Return to the prior: the nominal robot."""
-        self._fit = LeastSquares(self._start, self._prior, WALK * self._prior)
-        self.value, self.doubt = self._start, np.zeros(1)
+        theta, of_theta = self.nominal[THETA], self._prior[THETA, THETA]
+        self._fit = LeastSquares(self.nominal, self._prior, WALK * self._prior)
+        self._base_fit = LeastSquares(theta, of_theta, WALK * of_theta)
+        self.value, self.base, self.doubts = self.nominal, theta, np.zeros(2)
         self.interrupt()
 
     def interrupt(self) -> None:
@@ -105,28 +112,34 @@ class Identification:
         All in stance/swing order; `force` has rows stance, swing and columns tangential, normal, N; `rate_variance`
         is that of the errors of dq, (m/s)^2 and (rad/s)^2.
         """
-        fit, of_robot = self._fit, (self._joints, self._feet, self.value[THETA])
-        of_fit = fit.value, fit.covariance, fit.walk
-        of_tick = start, end, *torques, force, *self._filtered, self._share, np.array([rate_variance]), self.doubt
+        fit, base, of_robot = self._fit, self._base_fit, (self._joints, self._feet, self.value[THETA])
+        of_fit = fit.value, fit.covariance, fit.walk, base.value, base.covariance
+        of_tick = start, end, *torques, force, *self._filtered, self._share, np.array([rate_variance]), self.doubts
         found = self._learned(*of_robot, *of_fit, *of_tick)
         self._filtered, self._share = (found.regressor, found.measured), np.array([SHARE])
         fit.take(found.value, found.covariance)
-        self.doubt = found.doubt
+        base.take(found.base, found.base_covariance)
+        self.doubts = found.doubts
         if is_physical(fit.value[THETA]) and fit.value[MOTOR_GAIN] > 0:
             self.value = fit.value
+        if is_physical(base.value):
+            self.base = base.value
 
 
 def identification_function() -> NumpyFunction:
-    """x `value`, its `covariance` and the `doubt` a tick later, then the filtered `regressor` and `measured` side.
+    """x `value` and its `covariance` a tick later, the same of theta from the `base`'s rows, the `doubts`, then the
+    filtered `regressor` and `measured` side.
 
-    Its inputs are those of `Identification.learn`, in this order: joints, feet, theta; value, covariance, walk; start,
-    end, torque before and now, force, filtered regressor and measured side, share, rate_variance, doubt.
+    Its inputs are those of `Identification.learn`, in this order: joints, feet, theta; value, covariance, walk, base
+    and its covariance; start, end, torque before and now, force, filtered regressor and measured side, share,
+    rate_variance, doubts.
     """
     sizes = {"joints": (JOINTS, 2), "feet": (2, 2), "theta": (THETA.stop, 1)}
     sizes |= {"value": (SIZE, 1), "covariance": (SIZE, SIZE), "walk": (SIZE, SIZE)}
+    sizes |= {"base": (THETA.stop, 1), "base_covariance": (THETA.stop, THETA.stop)}
     sizes |= {"start": (2 * DOF, 1), "end": (2 * DOF, 1), "before": (JOINTS, 1), "now": (JOINTS, 1), "force": (2, 2)}
     sizes |= {"regressor": (DOF, SIZE), "measured": (DOF, 1), "share": (1, 1), "rate_variance": (1, 1)}
-    sizes |= {"doubt": (1, 1)}
+    sizes |= {"doubts": (2, 1)}
     s = {name: ca.SX.sym(name, *size) for name, size in sizes.items()}
     regressor, measured, mass = equation(s)
     regressor = s["regressor"] + s["share"] * (regressor - s["regressor"])
@@ -134,7 +147,10 @@ def identification_function() -> NumpyFunction:
     noise = ca.DM(NOISE) + PER_RATE_VARIANCE * s["rate_variance"] * mass @ mass
     value, covariance, square = updated(s["value"], s["covariance"], s["walk"], regressor, measured, noise)
     found = {"value": value, "covariance": covariance, "regressor": regressor, "measured": measured}
-    found["doubt"] = doubt_after(s["doubt"], square)
+    of_theta, of_base = s["walk"][THETA, THETA], (regressor[:BASE, THETA], measured[:BASE], noise[:BASE, :BASE])
+    base, covariance, base_square = updated(s["base"], s["base_covariance"], of_theta, *of_base)
+    found |= {"base": base, "base_covariance": covariance}
+    found["doubts"] = ca.vertcat(doubt_after(s["doubts"][0], square), doubt_after(s["doubts"][1], base_square))
     return NumpyFunction.of("identification", s, found)
 
 
@@ -167,9 +183,33 @@ def doubt_after(doubt: ca.SX, square: ca.SX) -> ca.SX:
     return doubt + ca.if_else(aim > doubt, DOUBT_RISES, DOUBT_FALLS) * (aim - doubt)
 
 
-def disbelief(doubt: Array) -> Array:
-    """How little the robot found counts, from 0 to 1, by the `doubt` of it, of any shape."""
-    return ((doubt - DOUBT_BEGINS) / (DOUBT_WINS - DOUBT_BEGINS)).clip(0, 1)
+def shares(doubts: Array) -> tuple[Array, Array]:
+    """Of the base's and of the nominal robot in the one that is used, each (..., 1), by the `doubts` (..., 2).
+
+    Where only the motors are wrong, the base's takes over; where the base's rows are not explained either, the nominal.
+    """
+    doubt, sensors = doubts[..., :1], (doubts[..., 1:] / BASE_DOUBT).clip(0, 1)
+    to_base, to_nominal = (((doubt - begin) / (end - begin)).clip(0, 1) for begin, end in (TO_BASE, TO_NOMINAL))
+    return to_base * (1 - sensors), to_nominal * sensors
+
+
+def in_use(value: Array, base: Array, nominal: Array, doubts: Array) -> Array:
+    """The robot that is used, (..., 15), by the `doubts` (..., 2) of the one found.
+
+    Beside the masses that the base's rows say, motors are ideal, and late as found: a share of torque, so below one.
+    """
+    of_base, of_nominal = shares(doubts)
+    late = value[..., LATE_TORQUE:]
+    motors = np.zeros_like(late), np.ones_like(late), np.where(late < 1, late, USUAL_LATE)
+    other = np.concatenate([base, *motors], axis=-1)
+    used: Array = (1 - of_base - of_nominal) * value + of_base * other + of_nominal * nominal
+    return used
+
+
+def disbelief(doubts: Array) -> Array:
+    """How little the robot found from all rows counts, (..., 1), from 0 to 1."""
+    of_base, of_nominal = shares(doubts)
+    return of_base + of_nominal
 
 
 def lateness(late_torque: Array) -> Array:

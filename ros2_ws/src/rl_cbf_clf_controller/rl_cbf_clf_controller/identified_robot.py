@@ -11,8 +11,8 @@ So it leaves out the tick of a touchdown, flight, a swing foot on the ground, a 
 that bounces lands twice.) It forgets nothing when the legs swap: the robot is the same from either leg. An episode
 begins with nothing known, and with some ticks in which only the noise of the rates is found (`rate_noise.py`).
 
-No masses explain a motor that saturates unseen. As far as the innovations say so (`identification.py`), the robot found
-is disbelieved: its estimates and its prediction fade, and what is left is the nominal model.
+No masses explain a motor that saturates unseen. As far as the innovations say so, the robot found gives way to the one
+that the base's rows say or to the nominal one (`identification.py`).
 """
 
 from copy import copy
@@ -30,6 +30,7 @@ from rl_cbf_clf_controller.identification import (
     THETA,
     Identification,
     disbelief,
+    in_use,
     lateness,
 )
 from rl_cbf_clf_controller.joint_calibration import JointCalibration
@@ -47,7 +48,7 @@ CONTACT_FORCE = 1.0  # N; a foot that carries less is in the air
 class IdentifiedRobot(Estimator):
     """The robot as identified so far; it begins as the `nominal` one. One object serves one thread.
 
-    With `gives_way` it counts less where it does not explain what is measured.
+    With `gives_way` others count where it does not explain what is measured.
     """
 
     def __init__(self, nominal: RobotNumbers, gives_way: bool = False) -> None:
@@ -60,18 +61,18 @@ class IdentifiedRobot(Estimator):
 
     @property
     def known(self) -> Array:
-        """(18,), as in `KNOWN`."""
-        return np.concatenate([self._identification.value, self._calibration.value, self._identification.doubt])
+        """(18,), as in `KNOWN`, of the robot that is used."""
+        return np.concatenate([self._used, self._calibration.value, self._identification.doubts[:1]])
 
     @property
     def disbelief(self) -> float:
         """See `identification.disbelief`; 0 where it does not give way."""
-        return float(disbelief(self._identification.doubt[0])) if self._gives_way else 0.0
+        return float(disbelief(self._identification.doubts)[0]) if self._gives_way else 0.0
 
     @property
     def lateness(self) -> float:
         """See `identification.lateness`."""
-        return float(lateness(self._identification.value[LATE_TORQUE]))
+        return float(lateness(self._used[LATE_TORQUE]))
 
     def reset(self) -> None:
         """Begin an episode: the nominal robot."""
@@ -108,16 +109,14 @@ class IdentifiedRobot(Estimator):
         self._measured = x
         if not is_finite(torque):
             return x
-        found = self._predicted(x, self._row, torque, self._identification.value[LATE_TORQUE : LATE_TORQUE + 1]).x
-        doubts = self.disbelief
-        return (1 - doubts) * found + doubts * x
+        return self._predicted(x, self._row, torque, self._used[LATE_TORQUE : LATE_TORQUE + 1]).x
 
     def estimate(self, scene: Scene, before: Estimates) -> Estimates:
         """Learn from the tick that ends now; then by how much the robot found differs from the nominal one."""
         measured = scene.x if self._measured is None else self._measured
         self._learn(scene, measured)
         self._last, self._measured_last, self._measured = scene, measured, None
-        return scene.error_of(self._row).times(1 - self.disbelief)
+        return scene.error_of(self._row)
 
     def _learn(self, now: Scene, measured: Array) -> None:
         last, before = self._last, self._measured_last
@@ -136,8 +135,9 @@ class IdentifiedRobot(Estimator):
             self._update_row()
 
     def _update_row(self) -> None:
-        found = self._identification.value
-        self._row = self._nominal.with_links(found[THETA], found[MOTOR_GAIN], found[DAMPING]).row
+        of = self._identification
+        used = self._used = in_use(of.value, of.base, of.nominal, of.doubts) if self._gives_way else of.value
+        self._row = self._nominal.with_links(used[THETA], used[MOTOR_GAIN], used[DAMPING]).row
 
 
 def is_pinned(last: int, now: Scene) -> bool:

@@ -5,7 +5,7 @@ What a robot has learned lies in the rows of `_known`; a tick that a robot does 
 
 import numpy as np
 from cbf_clf_qp.estimates import Estimates
-from cbf_clf_qp.functions import NumpyFunction, Values, places_of
+from cbf_clf_qp.functions import NumpyFunction, places_of
 from rabbit_description.state import DOF, Array, no_torque
 
 from rl_cbf_clf_controller.batch_functions import BatchFunction
@@ -17,6 +17,7 @@ from rl_cbf_clf_controller.identification import (
     SHARE,
     THETA,
     disbelief,
+    in_use,
     is_physical,
     lateness,
 )
@@ -26,6 +27,7 @@ from rl_cbf_clf_controller.joint_calibration import OFFSETS
 from rl_cbf_clf_controller.planar_robot import INERTIAL, robot_parameters
 from rl_cbf_clf_controller.rate_noise import CORRELATED, FIRST_DIFFERENCES, PER_VARIANCE
 
+FITS = "fit", "covariance", "walk", "base_fit", "base_covariance"
 PLACES = {name: place for name, (place, _) in places_of(robot_parameters()).items()}
 
 
@@ -35,18 +37,20 @@ class IdentifiedRobots:
     def __init__(self, one: IdentifiedRobot, model_error: NumpyFunction, robots: int) -> None:
         identification, calibration = one._identification, one._calibration
         one.reset()
-        self._nominal, self._gives_way = one._row, one._gives_way
+        self._nominal, self._gives_way, self._start = one._row, one._gives_way, identification.nominal
         self._identify, self._calibrate = BatchFunction(identification._learned), BatchFunction(calibration._learned)
         self._predict, self._model_error = BatchFunction(one._predicted), BatchFunction(model_error)
         self._first = {
             **{"joints": one._nominal.joints.ravel(), "feet": one._nominal.feet.ravel()},
             **{"value": identification.value, "fit": identification.value},  # taken over, and as the squares say
             **{"covariance": identification._fit.covariance.ravel(), "walk": identification._fit.walk.ravel()},
+            **{"base": identification.base, "base_fit": identification._base_fit.value},
+            **{"base_covariance": identification._base_fit.covariance.ravel()},
             **{"regressor": np.zeros(DOF * IDENTIFIED), "measured": np.zeros(DOF), "share": np.ones(1)},
             **{"offsets": calibration.value, "offset_covariance": calibration._fit.covariance.ravel()},
             **{"squares": np.zeros(1), "differences": np.zeros(1), "rates": np.full(2, np.nan)},  # the last two
             **{"standing": np.zeros(1), "last_tick": np.full(1, -2), "last_torque": no_torque()},
-            **{"last_x": np.full(2 * DOF, np.nan), "doubt": identification.doubt},
+            **{"last_x": np.full(2 * DOF, np.nan), "doubts": identification.doubts},
         }
         self._known = {name: np.tile(first, (robots, 1)) for name, first in self._first.items()}
         self._x: Array | None = None
@@ -54,17 +58,18 @@ class IdentifiedRobots:
     @property
     def known(self) -> Array:
         """(N, 18), as in `identified_robot.KNOWN`."""
-        return np.concatenate([self._known[name] for name in ("value", "offsets", "doubt")], axis=1)
+        return np.concatenate([self._used, self._known["offsets"], self._known["doubts"][:, :1]], axis=1)
 
     @property
     def disbelief(self) -> Array:
         """(N, 1), see `IdentifiedRobot.disbelief`."""
-        return disbelief(self._known["doubt"]) if self._gives_way else np.zeros_like(self._known["doubt"])
+        doubts = self._known["doubts"]
+        return disbelief(doubts) if self._gives_way else np.zeros_like(doubts[:, :1])
 
     @property
     def lateness(self) -> Array:
         """(N, 1), see `identification.lateness`."""
-        return lateness(self._known["value"][:, [LATE_TORQUE]])
+        return lateness(self._used[:, [LATE_TORQUE]])
 
     def reset(self, i: int) -> None:
         """Begin an episode of robot `i`."""
@@ -82,9 +87,7 @@ class IdentifiedRobots:
     def predicted(self, x: Array, torque: Array) -> Array:
         """The states (N, 14) in which torques (N, 4) that are computed from `x` take effect."""
         self._x = x
-        found = self._predict(x, self._rows, torque, self._known["value"][:, [LATE_TORQUE]]).x
-        doubts = self.disbelief
-        found = (1 - doubts) * found + doubts * x
+        found = self._predict(x, self._rows, torque, self._used[:, [LATE_TORQUE]]).x
         return np.where(np.isfinite(torque.sum(axis=1, keepdims=True)), found, x)
 
     def estimate(self, tick: Array, x: Array, p: Array, force: Array, torque: Array) -> Estimates:
@@ -95,13 +98,21 @@ class IdentifiedRobots:
         other, rows = p.copy(), self._rows
         other[:, : rows.shape[1]] = rows
         found = self._model_error(x, p, other)
-        return Estimates(found.alpha, found.beta, found.output_error).times(1 - self.disbelief[:, 0])
+        return Estimates(found.alpha, found.beta, found.output_error)
+
+    @property
+    def _used(self) -> Array:
+        """(N, 15), see `identification.in_use`."""
+        known = self._known
+        return (
+            in_use(known["value"], known["base"], self._start, known["doubts"]) if self._gives_way else known["value"]
+        )
 
     @property
     def _rows(self) -> Array:
         """Their numbers; see `RobotNumbers.with_links`."""
-        value, rows = self._known["value"], np.tile(self._nominal, (len(self._known["value"]), 1))
-        theta = value[:, THETA]
+        value = self._used
+        rows, theta = np.tile(self._nominal, (len(value), 1)), value[:, THETA]
         rows[:, PLACES["links"]] = np.concatenate([theta, theta[:, len(INERTIAL) :]], axis=1)
         rows[:, PLACES["motor_gain"]] = value[:, [MOTOR_GAIN]]
         rows[:, PLACES["joint_damping"]] = value[:, [DAMPING]]
@@ -120,27 +131,31 @@ class IdentifiedRobots:
             return
         lengths, offsets = (known["joints"], known["feet"]), (known["offsets"], known["offset_covariance"])
         found = self._calibrate(measured, *lengths, *offsets)
-        self._take(found, learns, "offsets", "offset_covariance")
+        self._take((found.value, found.covariance), learns, "offsets", "offset_covariance")
         self._find_noise(learns, known["last_x"][:, [PITCH_RATE]], measured[:, [PITCH_RATE]])
         learns &= known["differences"] >= FIRST_DIFFERENCES
         if not learns.any():
             return
         variance = RATE_NOISE**2 + CORRELATED * known["squares"] / (PER_VARIANCE * np.fmax(known["differences"], 1))
-        of_fit = known["value"][:, THETA], known["fit"], known["covariance"], known["walk"]
+        of_fit = known["value"][:, THETA], *(known[name] for name in FITS)
         of_tick = known["last_x"], measured, known["last_torque"], torque, force
         filtered = known["regressor"], known["measured"], known["share"]
-        found = self._identify(*lengths, *of_fit, *of_tick, *filtered, variance, known["doubt"])
+        found = self._identify(*lengths, *of_fit, *of_tick, *filtered, variance, known["doubts"])
         for name, new in (("regressor", found.regressor), ("measured", found.measured), ("share", np.full(1, SHARE))):
             known[name] = np.where(learns, new.reshape(len(new), -1) if new.ndim > 1 else new, known[name])
-        self._take(found, learns, "fit", "covariance")
-        known["doubt"] = np.where(learns, found.doubt.reshape(-1, 1), known["doubt"])
-        physical = np.array([[is_physical(theta)] for theta in known["fit"][:, THETA]])
+        self._take((found.value, found.covariance), learns, "fit", "covariance")
+        self._take((found.base, found.base_covariance), learns, "base_fit", "base_covariance")
+        known["doubts"] = np.where(learns, found.doubts.reshape(len(learns), -1), known["doubts"])
+        physical, base = (
+            np.array([[is_physical(theta)] for theta in known[name][:, THETA]]) for name in ("fit", "base_fit")
+        )
         is_one = learns & physical & (known["fit"][:, [MOTOR_GAIN]] > 0)
         known["value"] = np.where(is_one, known["fit"], known["value"])
+        known["base"] = np.where(learns & base, known["base_fit"], known["base"])
 
-    def _take(self, found: Values, learns: Array, value: str, covariance: str) -> None:
+    def _take(self, found: tuple[Array, Array], learns: Array, value: str, covariance: str) -> None:
         """See `LeastSquares.take`."""
-        given = found.value, found.covariance.reshape(len(learns), -1)
+        given = found[0], found[1].reshape(len(learns), -1)
         takes = learns & np.isfinite(sum(each.sum(axis=1, keepdims=True) for each in given))
         for name, new in zip((value, covariance), given, strict=True):
             self._known[name] = np.where(takes, new, self._known[name])

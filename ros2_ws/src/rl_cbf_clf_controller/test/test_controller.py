@@ -335,6 +335,7 @@ def test_a_stone_gets_narrower_as_far_as_torque_is_found_late(late_torque, margi
     found = walking._robot._identification
     found.value = found.value.copy()
     found.value[LATE_TORQUE] = late_torque
+    walking._robot._update_row()
     walking.step(state())
     seen = make("rl-cbf-clf-qp", stone_margin=margin)
     seen.step(state())
