@@ -44,12 +44,6 @@ class Estimates:
         known = None if mine is None or others is None else mine + others
         return Estimates(self.alpha + other.alpha, self.beta + other.beta, known)
 
-    def times(self, share: float | Array) -> "Estimates":
-        """A `share` of the errors; (N,) of those of N robots."""
-        of_rows = np.asarray(share)[..., None]
-        of_matrices, error = of_rows[..., None], self.output_error
-        return Estimates(of_matrices * self.alpha, of_rows * self.beta, None if error is None else of_matrices * error)
-
     def __getitem__(self, i: int) -> "Estimates":
         """Those of robot `i` of N."""
         return Estimates(self.alpha[i], self.beta[i], None if self.output_error is None else self.output_error[i])

@@ -43,6 +43,7 @@ class IdentifiedRobots:
         self._first = {
             **{"joints": one._nominal.joints.ravel(), "feet": one._nominal.feet.ravel()},
             **{"value": identification.value, "fit": identification.value},  # taken over, and as the squares say
+            **{"used": identification.value},  # see `identification.in_use`
             **{"covariance": identification._fit.covariance.ravel(), "walk": identification._fit.walk.ravel()},
             **{"base": identification.base, "base_fit": identification._base_fit.value},
             **{"base_covariance": identification._base_fit.covariance.ravel()},
@@ -58,7 +59,8 @@ class IdentifiedRobots:
     @property
     def known(self) -> Array:
         """(N, 18), as in `identified_robot.KNOWN`."""
-        return np.concatenate([self._used, self._known["offsets"], self._known["doubts"][:, :1]], axis=1)
+        known = self._known
+        return np.concatenate([known["used"], known["offsets"], known["doubts"][:, :1]], axis=1)
 
     @property
     def disbelief(self) -> Array:
@@ -69,7 +71,7 @@ class IdentifiedRobots:
     @property
     def lateness(self) -> Array:
         """(N, 1), see `identification.lateness`."""
-        return lateness(self._used[:, [LATE_TORQUE]])
+        return lateness(self._known["used"][:, [LATE_TORQUE]])
 
     def reset(self, i: int) -> None:
         """Begin an episode of robot `i`."""
@@ -87,31 +89,27 @@ class IdentifiedRobots:
     def predicted(self, x: Array, torque: Array) -> Array:
         """The states (N, 14) in which torques (N, 4) that are computed from `x` take effect."""
         self._x = x
-        found = self._predict(x, self._rows, torque, self._used[:, [LATE_TORQUE]]).x
+        found = self._predict(x, self._rows, torque, self._known["used"][:, [LATE_TORQUE]]).x
         return np.where(np.isfinite(torque.sum(axis=1, keepdims=True)), found, x)
 
     def estimate(self, tick: Array, x: Array, p: Array, force: Array, torque: Array) -> Estimates:
         """Learn from the tick that ends now; then by how much the robots found differ from the nominal one."""
         measured = x if self._x is None else self._x
         self._learn(tick[:, None], measured, force, torque)
-        self._known |= {"last_tick": tick[:, None], "last_torque": torque, "last_x": measured}
+        known = self._known
+        used = (
+            in_use(known["value"], known["base"], self._start, known["doubts"]) if self._gives_way else known["value"]
+        )
+        self._known |= {"used": used, "last_tick": tick[:, None], "last_torque": torque, "last_x": measured}
         other, rows = p.copy(), self._rows
         other[:, : rows.shape[1]] = rows
         found = self._model_error(x, p, other)
         return Estimates(found.alpha, found.beta, found.output_error)
 
     @property
-    def _used(self) -> Array:
-        """(N, 15), see `identification.in_use`."""
-        known = self._known
-        return (
-            in_use(known["value"], known["base"], self._start, known["doubts"]) if self._gives_way else known["value"]
-        )
-
-    @property
     def _rows(self) -> Array:
         """Their numbers; see `RobotNumbers.with_links`."""
-        value = self._used
+        value = self._known["used"]
         rows, theta = np.tile(self._nominal, (len(value), 1)), value[:, THETA]
         rows[:, PLACES["links"]] = np.concatenate([theta, theta[:, len(INERTIAL) :]], axis=1)
         rows[:, PLACES["motor_gain"]] = value[:, [MOTOR_GAIN]]
@@ -146,12 +144,12 @@ class IdentifiedRobots:
         self._take((found.value, found.covariance), learns, "fit", "covariance")
         self._take((found.base, found.base_covariance), learns, "base_fit", "base_covariance")
         known["doubts"] = np.where(learns, found.doubts.reshape(len(learns), -1), known["doubts"])
-        physical, base = (
-            np.array([[is_physical(theta)] for theta in known[name][:, THETA]]) for name in ("fit", "base_fit")
-        )
-        is_one = learns & physical & (known["fit"][:, [MOTOR_GAIN]] > 0)
-        known["value"] = np.where(is_one, known["fit"], known["value"])
-        known["base"] = np.where(learns & base, known["base_fit"], known["base"])
+        for name, fit, is_one in (
+            ("value", known["fit"], learns & (known["fit"][:, [MOTOR_GAIN]] > 0)),
+            ("base", known["base_fit"], learns),
+        ):
+            physical = np.array([[is_physical(theta)] for theta in fit[:, THETA]])
+            known[name] = np.where(is_one & physical, fit, known[name])
 
     def _take(self, found: tuple[Array, Array], learns: Array, value: str, covariance: str) -> None:
         """See `LeastSquares.take`."""
