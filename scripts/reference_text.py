@@ -15,7 +15,7 @@ import own_systems.ros.simulator
 import own_systems.ros.task_node
 import own_systems.ros.trainer
 import rl_cbf_clf_controller.ros.policies
-import rl_trainer.ros.trainer_setup
+import rl_trainer.ros.node
 from common import ROOT, WORKSPACE
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
@@ -34,7 +34,7 @@ SOURCES = WORKSPACE / "src"
 NODES: Mapping[str, tuple[type[BaseModel], ...]] = {
     "simulator": (SimulatorParameters, SimulationParameters),
     "controller": (rl_cbf_clf_controller.ros.policies.NodeParameters, ControllerParameters),
-    "trainer": (rl_trainer.ros.trainer_setup.NodeParameters, TrainingParameters),
+    "trainer": (rl_trainer.ros.node.NodeParameters, TrainingParameters),
     "recorder": (recorder.NodeParameters,),
     "viewer": (ViewerParameters,),
     "own_systems simulator": (own_systems.ros.simulator.NodeParameters,),

@@ -4,29 +4,32 @@ It publishes the transitions and, where the simulator waits for it, how each epi
 It never holds up a tick: what it cannot learn from at once waits in a queue.
 """
 
+import json
 import time
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+from pydantic import BaseModel, ConfigDict, Field
 from rabbit_common.message_checks import Refused
 from rabbit_common.ros.checked_node import CheckedNode
 from rabbit_common.ros.conversions import check_episode, is_new_simulator
 from rabbit_common.ros.diagnostics import ERROR, OK, WARN, Diagnostics, Status
-from rabbit_common.ros.parameters import declare, refuse_unknown
+from rabbit_common.ros.parameters import ParameterError, declare, refuse_unknown
 from rabbit_common.ros.qos import EVENT, TICK
 from rabbit_common.ros.spin import run, steady_timer
 from rabbit_msgs import msg
 from rl_cbf_clf_controller.controller_output import ControllerOutput
-from rl_cbf_clf_controller.weights import PolicyFileError
+from rl_cbf_clf_controller.policy import ZeroPolicy
+from rl_cbf_clf_controller.weights import PolicyFileError, policy_path, read
 from std_msgs.msg import Header
 
 from rl_trainer.checkpoint import CheckpointError
 from rl_trainer.learning_thread import LearningThread
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.ros.messages import Publishers, checked_part
-from rl_trainer.ros.trainer_setup import NodeParameters, make_trainer
 from rl_trainer.tick_synchronizer import Event, Tick, TickSynchronizer
+from rl_trainer.training import Provenance, Trainer
 
 PARTS = {
     "state": msg.RobotState,
@@ -36,6 +39,21 @@ PARTS = {
 }
 GIVE_UP_SECONDS = 2.0  # after an episode's end, for ticks that have not come
 ACTED = ("fault",)  # outcomes after which the last state has an answer too
+
+
+class NodeParameters(BaseModel):
+    """Parameters of the node besides the training's."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    plan_episodes: bool = Field(False, description="the simulator follows the plans: publish each one's policy")
+    policy: str = Field(
+        ZeroPolicy.version, description="to learn on from: zero (from scratch), the name of a shipped one, or a file"
+    )
+    folder: str = Field(
+        "", description="folder for checkpoint and policies after each episode; it goes on from there, before `policy`"
+    )
+    plant: str = Field("{}", description="what the policy file says of the plant, JSON")
 
 
 class TrainerNode(CheckedNode):
@@ -169,6 +187,22 @@ class TrainerNode(CheckedNode):
         if not self._started or not all(reader.get_publisher_count() for reader in self._inputs):
             return WARN, "waiting for simulator and controller", figures
         return OK, "learning", figures
+
+
+def make_trainer(training: TrainingParameters, own: NodeParameters) -> Trainer:
+    """From scratch or from a policy; raises `ParameterError`, `PolicyFileError`."""
+    try:
+        plant = json.loads(own.plant)
+    except ValueError as error:
+        raise ParameterError(f"parameter plant = {own.plant!r}: not JSON: {error}") from error
+    if not isinstance(plant, dict):
+        raise ParameterError(f"parameter plant = {own.plant!r}: expected a JSON object")
+    if own.policy == ZeroPolicy.version:
+        return Trainer(training, Provenance(plant, command="trainer node"))
+    policy = read(policy_path(own.policy), training.problem)
+    trainer = Trainer(training, Provenance(plant, command=f"trainer node, from {policy.version}"))
+    trainer.start_from(policy)
+    return trainer
 
 
 def main() -> None:
