@@ -51,16 +51,13 @@ class Actor(nn.Module):
         self.scaling = Scaling(parameters)
         matrix, others = (self.m if self.structured else 0), self.n - self.structured
         alphas = ([1.0] * self.m + [0.0]) * matrix + [1.0] * self.m * others + [0.0] * others
-        self.network: Any = self.make_network(parameters, len(alphas))
+        inputs = len(parameters.observation)
+        self.network: Any = hidden_layers(inputs, parameters, len(alphas), FIRST_OUTPUTS)
         self.alpha_scale: Tensor
         self.beta_scale: Tensor
         for name, scales in zip(("alpha_scale", "beta_scale"), parameters.scales, strict=False):
             self.register_buffer(name, torch.tensor(scales))
         self._alphas = torch.tensor(alphas)[:, None]  # 1 where an output belongs to an alpha, 0 to a beta
-
-    def make_network(self, parameters: TrainingParameters, outputs: int) -> nn.Module:
-        """From a scaled observation to what is under the tanh."""
-        return hidden_layers(len(parameters.observation), parameters, outputs, FIRST_OUTPUTS)
 
     def forward(self, observation: Tensor, LgV: Tensor) -> tuple[Tensor, Tensor]:
         """Raw observation (b, m), LgV (b, p) to alpha (b, n, p) and beta (b, n), in the quantities' units."""

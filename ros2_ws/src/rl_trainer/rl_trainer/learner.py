@@ -63,12 +63,11 @@ class AveragedActor(Learner):
     `alpha_decay`: of the weights that let alpha vary with the state, a share of the learning rate.
     """
 
-    actor_type = Actor
     alpha_decay = 10.0
 
     def __init__(self, parameters: TrainingParameters) -> None:
         self._parameters = parameters
-        self.actor = self.actor_type(parameters)
+        self.actor = Actor(parameters)
         self.acting = copy.deepcopy(self.actor).requires_grad_(False)
         self._optimizer = ClippedAdam(self.actor, parameters.actor_rate)
         self._updates = 0

@@ -1,4 +1,4 @@
-"""The trainer's messages from its dataclasses, who publishes them, and what the trainer hears, checked."""
+"""Who publishes the trainer's messages, from its dataclasses; and what the trainer hears, checked."""
 
 from array import array
 from dataclasses import fields
@@ -13,7 +13,6 @@ from rclpy.node import Node
 from rl_cbf_clf_controller.message_fields import state_values, terms_values
 from rl_cbf_clf_controller.policy import ActorPolicy
 from rl_cbf_clf_controller.problem import Problem
-from rl_cbf_clf_controller.weights import PolicyFile
 from std_msgs.msg import Header
 
 from rl_trainer.parameters import TrainingParameters
@@ -23,33 +22,6 @@ from rl_trainer.transitions import Transition
 
 NUMBERS = ("tick", "step_index", "failed")
 ARRAYS = tuple(field.name for field in fields(Transition) if field.name not in (*NUMBERS, "problem", "doubt"))
-
-
-def transition_message(
-    transition: Transition, parameters: TrainingParameters, episode: int, at: Header
-) -> msg.Transition:
-    """A transition with its reward, term by term."""
-    return msg.Transition(
-        header=at,
-        episode=episode,
-        problem=str(transition.problem),
-        reward_terms=doubles(reward_terms(transition, parameters)[0]),
-        reward=reward(transition, parameters),
-        doubt=int(transition.doubt),
-        **{name: getattr(transition, name) for name in NUMBERS},
-        **{name.lower(): doubles(getattr(transition, name)) for name in ARRAYS},
-    )
-
-
-def weights_message(policy: PolicyFile, source: str, at: Header) -> msg.PolicyWeights:
-    """A policy as the bytes of its file."""
-    return msg.PolicyWeights(header=at, version=policy.version, source=source, data=array("B", policy.encode()))
-
-
-def plan_message(plan: EpisodePlan, after: int, at: Header) -> msg.EpisodePlan:
-    """How the episode after number `after` is to be walked."""
-    about = {"seed": plan.seed, "sigma": plan.sigma, "policy_version": plan.policy.version}
-    return msg.EpisodePlan(header=at, after_episode=after, **about)
 
 
 def checked_part(part: str, message: Any, problem: Problem) -> Any:
@@ -89,7 +61,8 @@ class Publishers:
             self._node.get_logger().info(text)
             self.figures = {"episode": report.episode, **report.reward, **report.losses}
         if self._plans_policies and isinstance(plan.policy, ActorPolicy):
-            self._weights.publish(weights_message(plan.policy.file, self._node.get_fully_qualified_name(), Header()))
+            source, data = self._node.get_fully_qualified_name(), array("B", plan.policy.file.encode())
+            self._weights.publish(msg.PolicyWeights(version=plan.policy.version, source=source, data=data))
             self._node.get_logger().info(f"policy {plan.policy.version} published")
         self._planned = plan, after
         self.plan_again(after)
@@ -97,9 +70,23 @@ class Publishers:
     def plan_again(self, after: int) -> None:
         """Announce the newest plan, if it is for what follows this episode."""
         if self._planned and self._planned[1] == after:
-            self._plan.publish(plan_message(*self._planned, Header()))
+            plan, _ = self._planned
+            about = {"seed": plan.seed, "sigma": plan.sigma, "policy_version": plan.policy.version}
+            self._plan.publish(msg.EpisodePlan(after_episode=after, **about))
 
     def on_transition(self, transition: Transition, tag: tuple[int, Header]) -> None:
-        """A transition was taken in."""
-        if self._transitions.get_subscription_count():
-            self._transitions.publish(transition_message(transition, self._training, *tag))
+        """A transition was taken in: it goes out with its reward, term by term."""
+        if not self._transitions.get_subscription_count():
+            return
+        episode, at = tag
+        message = msg.Transition(
+            header=at,
+            episode=episode,
+            problem=str(transition.problem),
+            reward_terms=doubles(reward_terms(transition, self._training)[0]),
+            reward=reward(transition, self._training),
+            doubt=int(transition.doubt),
+            **{name: getattr(transition, name) for name in NUMBERS},
+            **{name.lower(): doubles(getattr(transition, name)) for name in ARRAYS},
+        )
+        self._transitions.publish(message)
