@@ -1,7 +1,7 @@
 """N walks of RABBITs in MuJoCo as a `gymnasium.vector.VectorEnv`, a row a robot, for learners of one's own.
 
 env = VectorWalkingEnv(TrainingParameters(), load_parameters("ours", controller="rl-cbf-clf-qp"),
-                       SimulationParameters(plant="mujoco", sensors="lab"), robots=64, draw=random_plant)
+                       SimulationParameters(plant="mujoco", sensors="lab"), robots=64)
 
     observation   (k,) scaled, see `Problem.units`
     action        (5n,) in [-1, 1], times the action scales: all alphas, then all betas (25 on stones)
@@ -12,7 +12,6 @@ robot. Environment i draws its seeds from seed + i. `infos` has `next_LgV` (N, m
 `final_obs` of those that ended. A time limit or a fault truncates an episode.
 """
 
-import math
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -31,37 +30,19 @@ from rabbit_sim.batch_simulation import BatchSimulation
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Simulation
 from rl_cbf_clf_controller.batch_controller import BatchController, BatchScene
+from rl_cbf_clf_controller.batch_functions import BatchFunction
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.controller_output import seen_fields
 from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_cbf_clf_controller.policy import ZeroPolicy
+from rl_cbf_clf_controller.policy import ZeroPolicy, estimate_function
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.reward import reward
 from rl_trainer.transitions import TransitionBuilder
 
 from rabbit_experiments.assembly import make_simulation
 
-SCALES = (0.5, 3.0)
-PAYLOAD = 72.0  # kg
-LOSS, DAMPING, BEND = 0.15, 1.0, 0.05
-
 Float32 = NDArray[np.float32]
 Draw = Callable[[SimulationParameters, int], SimulationParameters]
-
-
-def random_plant(parameters: SimulationParameters, seed: int) -> SimulationParameters:
-    """`parameters` with a mass scale or a payload, and a power loss, a damping and a bend, each as likely as not."""
-    rng = np.random.default_rng([seed, 1])
-    if rng.random() < 0.5:
-        masses = {"mass_scale": math.exp(rng.uniform(*np.log(SCALES))), "payload": 0.0}
-    else:
-        masses = {"mass_scale": 1.0, "payload": rng.uniform(0.0, PAYLOAD)}
-    others = {
-        "motor_loss": rng.uniform(0, LOSS),
-        "joint_damping": rng.uniform(0, DAMPING),
-        "link_bend": rng.uniform(-BEND, BEND),
-    }
-    return parameters.model_copy(update=masses | {name: value for name, value in others.items() if rng.random() < 0.5})
 
 
 class LearnerUnits:
@@ -70,20 +51,15 @@ class LearnerUnits:
     def __init__(self, parameters: TrainingParameters) -> None:
         problem, n = parameters.problem, parameters.n
         self._center, self._scale = np.array([problem.unit(name) for name in parameters.observation]).T
+        of_one = estimate_function(*parameters.scales[:2], False, problem.has_clf, problem.inputs)
+        self._estimates = BatchFunction(of_one)
         self.observations = Box(-np.inf, np.inf, self._center.shape, np.float32)
         self.actions = Box(-1.0, 1.0, ((problem.inputs + 1) * n,), np.float32)
-        alpha, beta, _ = parameters.scales
-        self._alpha_scale, self._beta_scale = np.array(alpha)[:, None], np.array(beta)
-        self._has_clf, self._inputs = problem.has_clf, problem.inputs
 
     def estimates(self, actions: Array, LgV: Array) -> Estimates:
         """Of N robots, the actions (N, (m + 1) n) times their scales; those of V also times |LgV| + 1, LgV (N, m)."""
-        slopes, beta = np.split(actions, [self._inputs * len(self._beta_scale)], axis=1)
-        size = np.ones(beta.shape)
-        if self._has_clf:
-            size[:, 0] += np.linalg.norm(LgV, axis=1)
-        alpha = slopes.reshape(*beta.shape, self._inputs) * self._alpha_scale * size[..., None]
-        return Estimates(alpha, beta * self._beta_scale * size, None)
+        found = self._estimates(actions, LgV)
+        return Estimates(found.alpha, found.beta, None)
 
     def scaled(self, observation: Array) -> Float32:
         """Observations (..., k) as they are seen."""
@@ -92,7 +68,7 @@ class LearnerUnits:
 
 
 class VectorWalkingEnv(VectorEnv[Float32, Float32, NDArray[Any]]):
-    """`draw`: the plant of an episode from its seed, such as `random_plant`."""
+    """`draw`: the plant of an episode from its seed."""
 
     def __init__(
         self,

@@ -1,5 +1,6 @@
 """A walk in a batch is the walk alone, to the bit: MuJoCo, controller, policy, sensors, tally, environment."""
 
+import math
 import re
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ from rabbit_experiments.assembly import Assembly, make_simulation, resolve_polic
 from rabbit_experiments.batch_evaluation import walk_together
 from rabbit_experiments.engine import batches
 from rabbit_experiments.evaluation import Scenario, walk
-from rabbit_experiments.vector_environment import LearnerUnits, VectorWalkingEnv, random_plant
+from rabbit_experiments.vector_environment import LearnerUnits, VectorWalkingEnv
 from rabbit_sim.batch_simulation import BatchSimulation
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Outcome
@@ -240,6 +241,21 @@ def test_the_environment_as_the_docs_make_it() -> None:
     exec(code, made)
     assert made["env"].observation_space.contains(made["observations"])
     assert (made["rewards"] <= 0).all()
+
+
+def random_plant(parameters: SimulationParameters, seed: int) -> SimulationParameters:
+    """`parameters` with a mass scale or a payload, and a power loss, a damping and a bend, each as likely as not."""
+    rng = np.random.default_rng([seed, 1])
+    if rng.random() < 0.5:
+        masses = {"mass_scale": math.exp(rng.uniform(*np.log([0.5, 3.0]))), "payload": 0.0}
+    else:
+        masses = {"mass_scale": 1.0, "payload": rng.uniform(0.0, 72.0)}
+    others = {
+        "motor_loss": rng.uniform(0, 0.15),
+        "joint_damping": rng.uniform(0, 1.0),
+        "link_bend": rng.uniform(-0.05, 0.05),
+    }
+    return parameters.model_copy(update=masses | {name: value for name, value in others.items() if rng.random() < 0.5})
 
 
 def test_the_vector_environment_is_one_robot_row_by_row() -> None:
