@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from rabbit_description.state import JOINTS, Array
+from rabbit_description.state import JOINTS
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.fitted_policy import fitted
@@ -39,18 +39,16 @@ def check_episodes(path: Path) -> Iterator[Checked]:
         is_ours = bool(episode.settings or any(record.output.quantities for record in episode.records))
         whole = [record for i, record in enumerate(episode.records) if is_ours and record.state.tick == i]
         with one_line_errors(path, f"episode {episode.number} cannot be replayed"):
-            again = np.array([*replay(replace(episode, records=whole))]).reshape(-1, JOINTS)
+            torques = [output.torque for _, output in replayed(replace(episode, records=whole))]
+        again = np.array(torques).reshape(-1, JOINTS)
         off = np.abs(np.array([record.output.torque for record in whole]).reshape(-1, JOINTS) - again).max(axis=1)
         yield Checked(episode, len(whole), np.flatnonzero(off != 0).tolist(), float(off.max(initial=0.0)))
 
 
-def replay(episode: RecordedEpisode) -> Iterator[Array]:
-    """Torques (4,), N m, for each recorded tick: the recorded ones must come out; raises as `replayed`."""
-    yield from (output.torque for _, output in replayed(episode))
-
-
 def replayed(episode: RecordedEpisode) -> Iterator[tuple[Controller, ControllerOutput]]:
     """The recorded states into a controller of one's own, under the recorded settings and policies.
+
+    The recorded torques must come out.
 
     Returns:
         The controller after each recorded tick, and its output.

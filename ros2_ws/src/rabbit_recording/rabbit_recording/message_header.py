@@ -38,11 +38,6 @@ def episode_and_phase_of(data: bytes) -> tuple[int, int]:
     return episode, phase & 0xFF
 
 
-def is_first_word(data: bytes) -> bool:
-    """Whether a simulator begins with this `Episode`; one that is cut is none."""
-    return len(data) >= _end_of_header(data) + NUMBERS.size and episode_and_phase_of(data) == FIRST_WORD
-
-
 def _end_of_header(data: bytes) -> int:
     return 16 + (_stamp_and_length(data)[2] + 3) // 4 * 4  # the frame's name is padded to four bytes
 
@@ -84,5 +79,5 @@ class SimulatedTime:
             if self._may_go_back and goes_back and turn_of(data) == FIRST_TICK:
                 raise RecordingError(f"recording {self._recording}: the simulator was started again without a memory")
             self._may_go_back &= goes_back
-        elif topic == "episode":
-            self._may_go_back |= is_first_word(data)
+        elif topic == "episode" and len(data) >= _end_of_header(data) + NUMBERS.size:  # one that is cut says nothing
+            self._may_go_back |= episode_and_phase_of(data) == FIRST_WORD
