@@ -109,13 +109,13 @@ def test_rosbag2_is_told_how_to_keep_every_tick() -> None:
         assert qos["depth"] >= topic.qos.depth
 
 
-def test_walk_launch_leaves_nodes_and_parameters_to_the_one_description_of_the_graph() -> None:
+def test_walk_launch_leaves_nodes_and_parameters_to_rabbit_walk() -> None:
     tree = ast.parse((BRINGUP / "launch" / "walk.launch.py").read_text(encoding="utf-8"))
     called = {getattr(node.func, "id", "") for node in ast.walk(tree) if isinstance(node, ast.Call)}
     words = {node.value for node in ast.walk(tree) if isinstance(node, ast.Constant)}
-    assert {"prepare", "arguments_of", "write_parameters"} <= called
-    assert "graph.launch.py" in words
-    assert words & {*MODELS} <= {"controller"}  # an argument
+    assert {"arguments_of", "ExecuteProcess"} <= called
+    assert {"rabbit", "walk"} <= words
+    assert not words & {*MODELS}
 
 
 def test_no_node_hides_an_attribute_of_rclpy() -> None:

@@ -1,31 +1,22 @@
 """walk.launch.py: what it starts, says and leaves is what `rabbit walk` does. graph.launch.py: in a user's own file.
 
-launch itself is not among the wheels. Where it is not installed, its part is played by the test: it starts the graph's
-nodes, and the `launcher` with their process ids.
+launch itself is not among the wheels.
 """
 
-import json
 import os
 import re
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
-from rabbit_bringup.commands.walk import DEFAULTS, prepare
-from rabbit_bringup.launching.parameter_file import write_parameters
-from rabbit_bringup.launching.processes import Processes
-from rabbit_common.executables import find_executable
+from rabbit_bringup.commands.walk import DEFAULTS
 from rabbit_common.exit_codes import ExitCode
-from rabbit_common.options import Given
-from rabbit_msgs.msg import Episode
 from rabbit_recording.reader import iterate_episodes
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
@@ -93,68 +84,6 @@ PATIENCE = 180.0  # s
 needs_launch = pytest.mark.skipif(
     not (find_spec("launch") and find_spec("launch_ros")), reason="launch and launch_ros are not installed"
 )
-
-
-@contextmanager
-def launched(folder: Path, *remaps: str, **asked: str) -> Iterator[tuple[Processes, "subprocess.Popen[str]"]]:
-    """The nodes of a walk, and the launcher that sees them through it; all with these ROS arguments."""
-    walk = prepare(Given({**SMALL, **asked, "out": str(folder)}, DEFAULTS))
-    write_parameters(walk.parameter_file, walk.parameters())
-    processes = Processes(folder / "log")
-    for name in walk.names:
-        processes.start(name, [*walk.arguments(name), *remaps])
-    (folder / "log" / "walk.json").write_text(walk.model_dump_json())
-    command = [find_executable("rabbit_bringup", "launcher"), folder / "log" / "walk.json"]
-    pids = [f"{name}={processes.pid(name)}" for name in walk.names]
-    words = [*map(str, command), *pids, "--ros-args", *remaps]
-    launcher = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    try:
-        yield processes, launcher
-    finally:
-        launcher.kill()
-        launcher.wait()
-        processes.stop()
-
-
-def test_the_launcher_sees_nodes_of_others_through_their_walk(tmp_path: Path) -> None:
-    with launched(tmp_path / "walk", namespace="seen", episodes="2") as (processes, launcher):
-        out, said = launcher.communicate(timeout=300)
-        assert launcher.returncode == ExitCode.WALKED, said
-        assert [processes.wait(name, 1.0) for name in ("simulator", "controller", "recorder")] == [0, 0, 0]
-    assert out.splitlines()[-1] == "walked: 2 of 2 episodes walked"
-    assert json.loads((tmp_path / "walk" / "summary.json").read_text())["walked"]
-
-
-def test_remapped_topics_reach_their_readers_and_their_place_in_the_recording(tmp_path: Path) -> None:
-    remaps = ("-r", "state:=estimate", "-r", "joint_states:=encoders", "-r", "landing:=/steps")
-    with launched(tmp_path / "walk", *remaps, namespace="remapped", sensors="lab") as (_, launcher):
-        out, said = launcher.communicate(timeout=300)
-        assert launcher.returncode == ExitCode.WALKED, said
-    assert out.splitlines()[-1] == "walked: 1 of 1 episodes walked"
-    summary = json.loads((tmp_path / "walk" / "summary.json").read_text())
-    assert summary["ticks"] == summary["episodes"][0]["ticks"] > 0
-
-
-def test_the_launcher_ends_what_is_left_when_a_node_dies(tmp_path: Path, make_world: Any) -> None:
-    world = make_world("dying")
-    slow = {"namespace": world.namespace, "stones": "200", "pace": "0.5"}
-    with launched(tmp_path / "walk", **slow) as (processes, launcher):
-        episodes = world.hear("episode")
-        world.wait(lambda: any(message.phase == Episode.RUNNING for message in episodes))
-        processes.kill(("controller",))
-        _, said = launcher.communicate(timeout=300)
-        assert launcher.returncode == ExitCode.NODE_DIED
-        assert "the controller ended by itself" in said
-        assert {processes.wait(name, PATIENCE) for name in ("simulator", "recorder")} == {0}
-
-
-@pytest.mark.parametrize("words", [(), ("/nowhere.json",), ("/proc/version", "simulator=1")])
-def test_the_launcher_is_not_for_people(words: tuple[str, ...]) -> None:
-    command = [str(find_executable("rabbit_bringup", "launcher")), *words]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, check=False)
-    (line,) = done.stderr.splitlines()
-    assert done.returncode == ExitCode.REFUSED
-    assert "walk.launch.py" in line
 
 
 @pytest.fixture
@@ -235,7 +164,7 @@ def test_both_launchers_start_the_same_nodes_and_say_the_same(tmp_path: Path, tr
         return yaml.safe_load(text.replace(str(tmp_path / name), "FOLDER"))
 
     assert parameters("launch") == parameters("rabbit")
-    said = re.findall(r"^\[launcher-\d+\] (?:\[\w+\] )?(.*)$", by_launch.stdout, re.MULTILINE)
+    said = re.findall(r"^\[walk-\d+\] (?:\[\w+\] )?(.*)$", by_launch.stdout, re.MULTILINE)
     lines = [line for line in by_rabbit.stdout.splitlines() if line.startswith(("episode ", "walked"))]
     assert lines == [line for line in said if line.startswith(("episode ", "walked"))]
 
@@ -243,13 +172,13 @@ def test_both_launchers_start_the_same_nodes_and_say_the_same(tmp_path: Path, tr
 @needs_launch
 @pytest.mark.parametrize(
     ("word", "said"),
-    [("record:=maybe", "--record maybe"), ("mass_scale:=99", "--mass-scale 99")],
+    [("record:=maybe", "record:=maybe: expected true or false"), ("mass_scale:=99", "--mass-scale 99")],
 )
 def test_a_launch_refuses_in_one_line_and_starts_nothing(word: str, said: str, tmp_path: Path) -> None:
     done = launch(word, f"out:={tmp_path / 'walk'}")
     assert done.returncode == 1
     assert said in done.stdout + done.stderr
-    assert "process started" not in done.stdout + done.stderr
+    assert not (tmp_path / "walk").exists()
     assert "Traceback" not in done.stdout + done.stderr
 
 

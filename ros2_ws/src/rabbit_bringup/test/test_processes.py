@@ -1,13 +1,14 @@
-"""The processes of a walk: no signal is lost, wherever it comes; processes of others are known by their end."""
+"""The processes of a walk: no signal is lost, wherever it comes."""
 
 import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
-from rabbit_bringup.launching.processes import ENDING, Processes
+from rabbit_bringup.launching.processes import ECHO_SECONDS, ENDING, Processes
 from rabbit_common.exit_codes import Interrupted
 
 PATIENCE = 180.0  # s
@@ -43,18 +44,16 @@ def test_a_second_signal_ends_at_once_what_does_not_end_politely(tmp_path: Path)
     assert deaf.stdout.readline() == "deaf\n"
     processes = Processes(tmp_path)
     with processes.ended_at_last():
-        processes.adopt("deaf", deaf.pid)
+        processes._running["deaf"] = deaf
         for _ in range(2):
             os.kill(os.getpid(), signal.SIGINT)
+            time.sleep(2 * ECHO_SECONDS)
     assert deaf.wait(PATIENCE) == -signal.SIGKILL
 
 
-def test_processes_of_others_are_known_by_their_end(tmp_path: Path) -> None:
-    sleeper = subprocess.Popen(["sleep", "600"])
+def test_a_signal_that_comes_twice_at_once_is_one(tmp_path: Path) -> None:
     processes = Processes(tmp_path)
-    processes.adopt("sleeper", sleeper.pid)
-    processes.check()
-    processes.stop()
-    assert sleeper.wait(PATIENCE) == -signal.SIGTERM
-    with pytest.raises(ProcessLookupError):
-        os.kill(sleeper.pid, 0)
+    with processes.ended_at_last():
+        for _ in range(2):
+            os.kill(os.getpid(), signal.SIGINT)
+        assert not processes._hurry

@@ -1,4 +1,4 @@
-"""How a walk ended, as an exit code: the same from `rabbit walk` and from the `launcher` of walk.launch.py."""
+"""How a walk ended, as an exit code: that of `rabbit walk`."""
 
 import signal
 from collections.abc import Sequence

@@ -5,8 +5,7 @@ killed, the kernel tells them to end.
 """
 
 import contextlib
-import os
-import select
+import math
 import signal
 import subprocess
 import time
@@ -28,7 +27,7 @@ PACKAGES = {  # of each node
     "recorder": "rabbit_recording",
     "viewer": "rabbit_viewer",
 }
-UNKNOWN = 256  # as an exit code: it went to the process that started it
+ECHO_SECONDS = 0.2  # in which a Ctrl-C may come twice: of the terminal, and of a program that passes it on
 
 
 class NodeEnded(LaunchError):
@@ -36,29 +35,8 @@ class NodeEnded(LaunchError):
 
     def __init__(self, name: str, returncode: int, last_words: str) -> None:
         how = f"signal {signal.Signals(-returncode).name}" if returncode < 0 else f"exit code {returncode}"
-        how = "" if returncode == UNKNOWN else f" ({how})"
-        super().__init__(f"the {name} ended by itself{how}{last_words and f': {last_words}'}")
+        super().__init__(f"the {name} ended by itself ({how}): {last_words}")
         self.code = ExitCode.REFUSED if returncode == ExitCode.REFUSED else ExitCode.NODE_DIED
-
-
-class Foreign:
-    """A process that somebody else has started; what `Processes` needs of `subprocess.Popen`."""
-
-    def __init__(self, pid: int) -> None:
-        self.pid, self._handle = pid, -1
-        with contextlib.suppress(ProcessLookupError):
-            self._handle = os.pidfd_open(pid)
-
-    def poll(self) -> int | None:
-        """None while it runs."""
-        has_ended = self._handle < 0 or select.select([self._handle], [], [], 0)[0]
-        return UNKNOWN if has_ended else None
-
-    def send_signal(self, number: int) -> None:
-        """Nobody else can have its number meanwhile."""
-        with contextlib.suppress(ProcessLookupError):
-            if self._handle >= 0:
-                signal.pidfd_send_signal(self._handle, number)
 
 
 class Processes:
@@ -66,17 +44,13 @@ class Processes:
 
     def __init__(self, logs: Path) -> None:
         self._logs = logs
-        self._running: dict[str, subprocess.Popen[bytes] | Foreign] = {}
+        self._running: dict[str, subprocess.Popen[bytes]] = {}
         self._signal, self._hurry = 0, False
 
     @property
     def names(self) -> list[str]:
         """The nodes that were started and not yet ended or waited for."""
         return list(self._running)
-
-    def adopt(self, name: str, pid: int) -> None:
-        """Look after a node that somebody else has started, and shows what it prints."""
-        self._running[name] = Foreign(pid)
 
     def start(self, name: str, arguments: Sequence[str] = (), kind: str = "", package: str = "") -> None:
         """Start a node, by default our own of that name; else the executable `kind` of a `package`.
@@ -105,15 +79,19 @@ class Processes:
                 raise NodeEnded(name, code, self._last_words(name))
 
     @contextlib.contextmanager
-    def ended_at_last(self, may_hurry: bool = True) -> Iterator[None]:
+    def ended_at_last(self) -> Iterator[None]:
         """At the end all nodes end, those that others listen to first. A signal before makes `check` raise.
 
-        A further one, or one while they end, ends them at once if it `may_hurry`. No signal raises by itself: an
-        exception out of the middle of a callback or a destructor may be lost.
+        A later one, or one while they end, ends them at once. No signal raises by itself: an exception out of the
+        middle of a callback or a destructor may be lost.
         """
+        noted = -math.inf
 
         def note(number: int, frame: object) -> None:
-            self._hurry, self._signal = may_hurry and bool(self._signal), number
+            nonlocal noted
+            now = time.monotonic()
+            self._hurry, self._signal = bool(self._signal) and now - noted > ECHO_SECONDS, number
+            noted = now
 
         before = {number: signal.signal(number, note) for number in ENDING}
         try:
@@ -153,16 +131,12 @@ class Processes:
         return self._running[name].pid
 
     def wait(self, name: str, timeout: float) -> int:
-        """Exit code of a node that was started here and ends; raises `subprocess.TimeoutExpired`."""
-        process = self._running[name]
-        assert isinstance(process, subprocess.Popen)
-        code = process.wait(timeout)
+        """Exit code of a node that ends; raises `subprocess.TimeoutExpired`."""
+        code = self._running[name].wait(timeout)
         del self._running[name]
         return code
 
     def _last_words(self, name: str) -> str:
         log = self._logs / f"{name}.log"
-        if not log.is_file():
-            return ""
         lines = log.read_text(encoding="utf-8", errors="replace").split("\n")
         return f"{next(filter(None, reversed(lines)), 'without a word')} ({log})"

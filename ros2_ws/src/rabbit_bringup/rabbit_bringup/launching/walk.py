@@ -2,7 +2,7 @@
 
 FOLDER/parameters.yaml   the parameters of every node (a ROS parameter file)
 FOLDER/recording/        the recording
-FOLDER/log/              what each node printed, unless `ros2 launch` shows it
+FOLDER/log/              what each node printed
 FOLDER/summary.json, records.npz, pictures/, walk.mp4, walk.gif    made from the recording afterwards
 """
 

@@ -1,4 +1,4 @@
-"""What both launchers say of a walk, and what they leave: a line an episode, the summary, the exit code."""
+"""What is said of a walk, and what it leaves: a line an episode, the summary, the exit code."""
 
 import contextlib
 import os

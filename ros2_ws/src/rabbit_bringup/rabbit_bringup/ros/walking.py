@@ -2,7 +2,7 @@
 
 import contextlib
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from rabbit_common.priority import leave_priority, take_listeners_priority
@@ -17,45 +17,34 @@ Tell = Callable[[Any], object]  # gets the `Episode` message of an episode that 
 
 
 def walk_through(
-    walk: WalkSettings,
-    tell: Tell = lambda _: None,
-    show: Callable[[Progress], object] = lambda _: None,
-    launched: Mapping[str, int] | None = None,
+    walk: WalkSettings, tell: Tell = lambda _: None, show: Callable[[Progress], object] = lambda _: None
 ) -> WalkMonitor:
     """Walk all episodes, as `walking` says; `show` gets the walk's progress now and then."""
-    with walking(walk, tell, launched) as monitor:
+    with walking(walk, tell) as monitor:
         while not monitor.is_over:
             show(monitor.glance())
     return monitor
 
 
 @contextlib.contextmanager
-def walking(
-    walk: WalkSettings, tell: Tell = lambda _: None, launched: Mapping[str, int] | None = None
-) -> Iterator[WalkMonitor]:
+def walking(walk: WalkSettings, tell: Tell = lambda _: None) -> Iterator[WalkMonitor]:
     """A graph that walks, seen by the monitor, as long as that is called now and then; all nodes have ended at the end.
 
-    `launched`: process ids by name where somebody else has started the nodes. Raises `LaunchError` if another graph is
-    there, or a node cannot be started, ended by itself, or is not ready in time; `Interrupted` by a signal.
+    Raises `LaunchError` if another graph is there, or a node cannot be started, ended by itself, or is not ready in
+    time; `Interrupted` by a signal.
     """
     processes = Processes(walk.folder / "log")
     with contextlib.ExitStack() as stack:
-        if launched is None:
-            check = stack.enter_context(contextlib.closing(NamespaceCheck(walk.options.namespace)))
-            take_listeners_priority(walk.options.priority, warn=lambda line: print(line, file=sys.stderr))
-            stack.callback(leave_priority, walk.options.priority)  # what is started meanwhile has it too
-        # `ros2 launch` has a patience of its own, and sends SIGINT twice
-        stack.enter_context(processes.ended_at_last(may_hurry=launched is None))
-        if launched is None:
-            check.look(walk.names)
-            write_parameters(walk.parameter_file, walk.parameters())
-            for name in sorted(walk.names, key=lambda name: name != "trainer"):  # which imports the longest
-                processes.check()
-                package, executable = walk.executable(name)
-                processes.start(name, walk.arguments(name), executable, package)
-        else:
-            for name, pid in launched.items():
-                processes.adopt(name, pid)
+        check = stack.enter_context(contextlib.closing(NamespaceCheck(walk.options.namespace)))
+        take_listeners_priority(walk.options.priority, warn=lambda line: print(line, file=sys.stderr))
+        stack.callback(leave_priority, walk.options.priority)  # what is started meanwhile has it too
+        stack.enter_context(processes.ended_at_last())
+        check.look(walk.names)
+        write_parameters(walk.parameter_file, walk.parameters())
+        for name in sorted(walk.names, key=lambda name: name != "trainer"):  # which imports the longest
+            processes.check()
+            package, executable = walk.executable(name)
+            processes.start(name, walk.arguments(name), executable, package)
         with contextlib.closing(WalkMonitor(walk.options, processes, tell)) as monitor:
             monitor.begin()
             yield monitor

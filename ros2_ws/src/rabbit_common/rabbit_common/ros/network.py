@@ -8,9 +8,7 @@ whoever names this machine as a static peer. The profile `fastdds.xml` binds eve
 import contextlib
 import os
 import re
-import sys
 from collections.abc import Iterator
-from itertools import dropwhile
 from pathlib import Path
 
 import rclpy
@@ -74,12 +72,9 @@ def initialise(context: Context | None = None, args: list[str] | None = None) ->
 
 @contextlib.contextmanager
 def joined(enclave: str) -> Iterator[Context]:
-    """A command's own place in the graph: a context of rclpy in this enclave of a secured one; raises `StartError`.
-
-    ROS arguments of its command line, such as remappings, hold too.
-    """
-    context, own = rclpy.Context(), dropwhile(lambda word: word != "--ros-args", sys.argv)
-    initialise(context, [*own, "--ros-args", "--enclave", enclave])
+    """A command's own place in the graph: a context of rclpy in this enclave of a secured one; raises `StartError`."""
+    context = rclpy.Context()
+    initialise(context, ["--ros-args", "--enclave", enclave])
     try:
         yield context
     finally:
