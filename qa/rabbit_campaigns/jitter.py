@@ -1,13 +1,11 @@
-"""Walks in real time, alone and with busy neighbours, as ordinary processes and under SCHED_FIFO; dying controllers.
+"""Walks in real time, alone and with busy neighbours, as ordinary processes and under SCHED_FIFO.
 
-FOLDER/CASE/                  each walk's parameters, logs and recording
-FOLDER/kill-K-priority-P/     the same of a walk whose controller is killed
+FOLDER/neighbours-N-priority-P/    each walk's parameters, logs and recording
 FOLDER/jitter.json
 """
 
 import contextlib
 import os
-import random
 import subprocess
 import sys
 import time
@@ -21,58 +19,36 @@ from rabbit_experiments.assembly import Assembly
 from rabbit_recording.contents import contents
 from rabbit_recording.timing import real_time_figures
 
-from rabbit_campaigns.figures import write_figures
-
+Tell = Callable[[str], object]
 LATE_LIMIT = 0.001  # share of ticks
 CUT_OFF = "reset"  # outcome of the episode in which the time was up
 BUSY = "while True: pass"
 
 
-class Jitter:
-    """Walks of one plant and controller, under `folder`; `tell` hears how far they are. What is found is kept at once.
+def walk_beside(
+    assembly: Assembly, folder: Path, seed: int, neighbours: int, priority: int, seconds: float, tell: Tell
+) -> dict[str, Any]:
+    """Walk for so many s, under `folder`, beside so many busy processes; `tell` hears how far it is.
 
-    All methods raise:
+    `priority`: SCHED_FIFO of simulator and controller, or 0. Returns the walk's figures.
+
+    Raises:
         LaunchError: a node cannot be started, ended by itself, or is not ready in time.
         Interrupted: by a signal.
     """
+    from rabbit_bringup.ros.walking import walking
 
-    def __init__(self, assembly: Assembly, folder: Path, seed: int, tell: Callable[[str], object]) -> None:
-        self._assembly, self._folder, self._seed, self._tell = assembly, folder, seed, tell
-        self.cases: list[dict[str, Any]] = []
-        self.deaths: list[dict[str, Any]] = []
-
-    def walk(self, neighbours: int, priority: int, seconds: float) -> None:
-        """Walk for so many s beside so many busy processes; SCHED_FIFO `priority` of simulator and controller, or 0."""
-        from rabbit_bringup.ros.walking import walking
-
-        name = f"neighbours-{neighbours}-priority-{priority}"
-        walk, load = self._prepared(name, priority), os.getloadavg()[0]
-        with busy(neighbours), walking(walk) as monitor:
-            began = time.monotonic()
-            while (so_far := time.monotonic() - began) < seconds:
-                self._tell(f"{name}: {so_far:.0f} of {seconds:.0f} s, episode {monitor.glance().episode}")
-        about = {"neighbours": neighbours, "priority": priority, "load_before": load, "load_after": os.getloadavg()[0]}
-        self.cases.append({**about, **figures(walk.folder / "recording")})
-        self._keep()
-
-    def kill(self, number: int, priority: int) -> None:
-        """Walk until the controller is killed, and tell how soon the joints are damped."""
-        from rabbit_campaigns.ros.kill_controller import die
-
-        name = f"kill-{number}-priority-{priority}"
-        self._tell(name)
-        self.deaths.append({"priority": priority, **vars(die(self._prepared(name, priority), random.Random(number)))})
-        self._keep()
-
-    def _prepared(self, name: str, priority: int) -> WalkSettings:
-        (self._folder / name).mkdir(parents=True)
-        many: dict[str, Any] = {"seed": self._seed, "episodes": MOST_EPISODES, "priority": priority}
-        options = WalkOptions(**many, trainer=False, real_time=True)
-        return WalkSettings.of(self._assembly, self._folder / name, options)
-
-    def _keep(self) -> None:
-        found = {"cases": self.cases, "deaths": self.deaths, "seed": self._seed}
-        write_figures(self._folder / "jitter.json", found)
+    name = f"neighbours-{neighbours}-priority-{priority}"
+    (folder / name).mkdir(parents=True)
+    many: dict[str, Any] = {"seed": seed, "episodes": MOST_EPISODES, "priority": priority}
+    walk = WalkSettings.of(assembly, folder / name, WalkOptions(**many, trainer=False, real_time=True))
+    load = os.getloadavg()[0]
+    with busy(neighbours), walking(walk) as monitor:
+        began = time.monotonic()
+        while (so_far := time.monotonic() - began) < seconds:
+            tell(f"{name}: {so_far:.0f} of {seconds:.0f} s, episode {monitor.glance().episode}")
+    about = {"neighbours": neighbours, "priority": priority, "load_before": load, "load_after": os.getloadavg()[0]}
+    return {**about, **figures(walk.folder / "recording")}
 
 
 def figures(recording: Path) -> dict[str, Any]:

@@ -4,18 +4,13 @@ Real time is slowed down (`pace`), so that a busy machine keeps it.
 """
 
 import os
-import random
 import signal
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
-from rabbit_bringup.launching.walk import WalkOptions, WalkSettings
 from rabbit_description.state import TICK_SECONDS
 from rabbit_msgs.msg import Episode, Timing, TorqueCommand
-from rabbit_sim.parameters import SimulationParameters
-from rl_cbf_clf_controller.parameters import load_parameters
 from std_srvs.srv import SetBool
 
 PACE, HELD, DAMPED, DAMPING = 0.1, 2, 10, 10.0
@@ -93,15 +88,3 @@ def test_a_machine_that_is_not_fit_is_told_of(world: Any) -> None:
 
     world.wait(lambda: bool(complaints()))
     assert any(value.key == "late ticks" and int(value.value) > 0 for value in complaints()[0].values)
-
-
-def test_the_measure_of_a_death_kills_and_hears_the_damping(tmp_path: Path) -> None:
-    """Of `rabbit jitter --kills`; how soon it is is measured there, not here."""
-    from rabbit_campaigns.ros.kill_controller import die
-
-    request = WalkOptions(episodes=9, trainer=False, record=False, real_time=True, pace=PACE, namespace="death")
-    plant, controller = SimulationParameters(**PLANT), load_parameters("ours", controller="cbf-clf-qp")
-    walk = WalkSettings(folder=tmp_path, options=request, simulation=plant, controller=controller, policy="zero")
-    death = die(walk, random.Random(1))
-    assert death.held == HELD
-    assert 0.0 < death.until_damping_ms < death.until_simulated_ms

@@ -33,7 +33,6 @@ class JitterOptions(BaseModel):
     priority: tuple[Annotated[int, Field(ge=0, le=99)], ...] = Field(
         (0,), min_length=1, description="SCHED_FIFO priorities of simulator and controller, a walk for each; 0: none"
     )
-    kills: int = Field(0, ge=0, le=1000, description="walks under each priority in which the controller is killed")
     seed: int = Field(1, ge=0, le=2**63 - 1, description="seed of the first episode")
     policy: str | None = Field(None, description="zero, a shipped policy or a file")
     parameters: str = Field(
@@ -44,10 +43,7 @@ class JitterOptions(BaseModel):
 @app.command()
 @options(JitterOptions, ControllerParameters, SimulationParameters, defaults=DEFAULTS)
 def jitter(given: Given) -> None:
-    """Walk in real time: late ticks, missed deadlines, age of the torque; safe action once the controller is killed.
-
-    Exit code 1 if this machine is not fit.
-    """
+    """Walk in real time: late ticks, missed deadlines, age of the torque. Exit code 1 if this machine is not fit."""
     told = given.build(JitterOptions)
     assembly = assembly_of_nodes(given, told.policy, told.parameters)
     folder = new_folder(told.out or Path("runs") / f"{datetime.now():%Y%m%d-%H%M%S}-jitter")
@@ -55,25 +51,20 @@ def jitter(given: Given) -> None:
     from rabbit_recording import RecordingError
     from rich.console import Console
 
-    from rabbit_campaigns import jitter as experiment
+    from rabbit_campaigns.figures import write_figures
+    from rabbit_campaigns.jitter import LATE_LIMIT, walk_beside
 
+    cases = []
     with complaints(LaunchError, RecordingError), Console().status("starting") as status:
         try:
-            found = experiment.Jitter(assembly, folder, told.seed, status.update)
-            for neighbours, priority in itertools.product(told.neighbours, told.priority):
-                found.walk(neighbours, priority, told.minutes * 60)
-            for number, priority in itertools.product(range(told.kills), told.priority):
-                found.kill(number, priority)
+            for case in itertools.product(told.neighbours, told.priority):
+                cases.append(walk_beside(assembly, folder, told.seed, *case, told.minutes * 60, status.update))
+                write_figures(folder / "jitter.json", {"cases": cases, "seed": told.seed})
         except Interrupted as error:
             fail(f"stopped by {error}; what was recorded is in {folder}", code=error.code)
-    show(found.cases)
-    for death in found.deaths:
-        how = (
-            "controller killed, SCHED_FIFO {priority}: joints damped {until_damping_ms:.1f} ms later, {held} held ticks"
-        )
-        print(how.format(**death))
+    show(cases)
     print(f"written to {folder}")
-    if any(row["late_share"] > experiment.LATE_LIMIT for row in found.cases):
+    if any(row["late_share"] > LATE_LIMIT for row in cases):
         raise typer.Exit(NOT_FIT)
 
 
