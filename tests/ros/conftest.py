@@ -40,7 +40,7 @@ class World:
 
     def start(self, name: str, arguments: tuple[str, ...] = (), **parameters: Any) -> None:
         """Start a node under these parameters, and further ROS arguments. The simulator is paused until `go`."""
-        from rabbit_bringup.launching.parameter_file import write_parameters
+        from rabbit_bringup.launching.processes import write_parameters
 
         paused = {"start_paused": True} if name == "simulator" else {}
         self._nodes.append(name)

@@ -14,7 +14,7 @@ import rclpy
 from own_systems.episode import beginning
 from own_systems.loading import load_task
 from own_systems.messages import parameter_fields
-from rabbit_common.message_arrays import doubles
+from rabbit_common.message_checks import doubles
 from rabbit_common.ros.qos import TICK
 from rabbit_msgs.msg import TaskParameters
 from rclpy.qos import qos_profile_sensor_data

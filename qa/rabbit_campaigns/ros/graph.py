@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
-from rabbit_bringup.launching.parameter_file import write_parameters
-from rabbit_bringup.launching.processes import PATIENCE, Processes
+from rabbit_bringup.launching.processes import PATIENCE, Processes, write_parameters
 from rabbit_common.ros.client import TOPIC, GraphClient
 from rabbit_common.ros.diagnostics import OK
 from rabbit_msgs.msg import Episode

@@ -10,7 +10,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from rabbit_bringup.launching.parameter_file import write_parameters
+from rabbit_bringup.launching.processes import write_parameters
 from rabbit_campaigns.faults.checks import TRAINING, check_recording, check_transitions
 from rabbit_campaigns.ros.graph import CampaignGraph, Hang, ros_arguments
 from rabbit_common.ros.client import TOPIC

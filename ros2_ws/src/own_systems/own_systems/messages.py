@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 from cbf_clf_qp.functions import Array
-from rabbit_common.message_arrays import array_of, doubles
-from rabbit_common.message_checks import Refused, check_finite
+from rabbit_common.message_checks import Refused, array_of, check_finite, doubles
 
 from own_systems.episode import Moment
 from own_systems.task import ControlTask

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 from cbf_clf_qp.functions import Array
 from rabbit_common.executables import sourced_share
-from rabbit_common.message_arrays import array_of, doubles
-from rabbit_common.message_checks import Refused
+from rabbit_common.message_checks import Refused, array_of, doubles
 from rabbit_recording import RecordingError
 from rabbit_recording.bag_writer import BagWriter, graph_types
 from rabbit_recording.open_recording import one_line_errors

@@ -1,9 +1,17 @@
-"""Every message is checked before it is used; every refusal is counted and reported."""
+"""Every message is checked before it is used; every refusal is counted and reported.
+
+Lengths of arrays are the robot's, which the messages themselves do not fix.
+"""
 
 import math
+from array import array
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from rabbit_description.state import Array
 
 
 class Refused(ValueError):
@@ -48,3 +56,21 @@ def check_turn(got: tuple[int, int], expected: tuple[int, int]) -> None:
         raise Refused("wrong episode", f"episode {got[0]}, tick {got[1]}; expected episode {expected[0]}")
     if got[1] != expected[1]:
         raise Refused("wrong tick", f"tick {got[1]} of episode {got[0]}; expected tick {expected[1]}")
+
+
+def doubles(values: Array) -> "array[float]":
+    """For a sequence of a message: copied at once, where rclpy would ask a numpy array for each number."""
+    return array("d", np.asarray(values, dtype=np.float64).tobytes())
+
+
+def array_of(message: Any, name: str, length: int) -> Array:
+    """A message's array, (length,); raises `Refused`."""
+    check_lengths(message, {name: length})
+    return np.array(getattr(message, name))
+
+
+def check_lengths(message: Any, lengths: Mapping[str, int]) -> None:
+    """Refuse arrays of other lengths than these, by field."""
+    for name, length in lengths.items():
+        if (got := len(getattr(message, name))) != length:
+            raise Refused("wrong length", f"{name} has {got} values; expected {length}")

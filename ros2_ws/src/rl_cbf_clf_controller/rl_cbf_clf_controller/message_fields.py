@@ -8,8 +8,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from rabbit_common.message_arrays import array_of, doubles
-from rabbit_common.message_checks import Refused, check_finite
+from rabbit_common.message_checks import Refused, array_of, check_finite, doubles
 from rabbit_description.state import JOINTS, Array, Leg
 
 from rl_cbf_clf_controller.controller_output import NOTHING, ControllerOutput

@@ -8,8 +8,7 @@ import math
 
 import numpy as np
 from cbf_clf_qp.functions import Array
-from rabbit_common.message_arrays import doubles
-from rabbit_common.message_checks import Refused
+from rabbit_common.message_checks import Refused, doubles
 from rabbit_common.ros.conversions import is_new_simulator, other_tick
 from rabbit_common.ros.diagnostics import OK, WARN, Status
 from rabbit_common.ros.qos import EVENT, TICK

@@ -20,8 +20,7 @@ from cbf_clf_qp.functions import Array
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from pydantic import Field
-from rabbit_common.message_arrays import array_of, doubles
-from rabbit_common.message_checks import check_finite
+from rabbit_common.message_checks import array_of, check_finite, doubles
 from rabbit_common.ros.conversions import joints_of
 from rabbit_common.ros.diagnostics import ERROR, OK, WARN, Status
 from rabbit_common.ros.qos import TICK

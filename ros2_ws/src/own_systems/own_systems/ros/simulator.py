@@ -10,8 +10,7 @@ import numpy as np
 from builtin_interfaces.msg import Time
 from cbf_clf_qp.functions import Array
 from pydantic import BaseModel, ConfigDict, Field
-from rabbit_common.message_arrays import array_of
-from rabbit_common.message_checks import Refused, check_finite, check_turn
+from rabbit_common.message_checks import Refused, array_of, check_finite, check_turn
 from rabbit_common.ros.checked_node import CheckedNode
 from rabbit_common.ros.conversions import check_plan
 from rabbit_common.ros.diagnostics import OK, WARN, Diagnostics, Status

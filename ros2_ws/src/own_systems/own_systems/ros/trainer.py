@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 from cbf_clf_qp.functions import Array
 from pydantic import BaseModel, ConfigDict, Field
-from rabbit_common.message_arrays import array_of
-from rabbit_common.message_checks import Refused
+from rabbit_common.message_checks import Refused, array_of
 from rabbit_common.ros.checked_node import CheckedNode
 from rabbit_common.ros.diagnostics import OK, Diagnostics, Status
 from rabbit_common.ros.parameters import declare, refuse_unknown

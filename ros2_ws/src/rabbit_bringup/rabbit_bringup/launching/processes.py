@@ -1,4 +1,4 @@
-"""The nodes as processes: each with a log file, ended together, whatever ends first.
+"""The nodes as processes: each with a log file, ended together, whatever ends first; the file of their parameters.
 
 They have sessions of their own, so a Ctrl-C reaches the launcher alone, which ends them in order. If the launcher is
 killed, the kernel tells them to end.
@@ -11,10 +11,13 @@ import subprocess
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 from rabbit_common.child_process import end_with_parent
 from rabbit_common.executables import LaunchError, find_executable
 from rabbit_common.exit_codes import ExitCode, Interrupted
+from rabbit_description.atomic_file import replace_text
+from rabbit_description.yaml_file import dump_yaml
 
 PATIENCE = 12.0  # s for a node to end after SIGTERM: a recorder drains, a trainer ends its update
 POLL_SECONDS = 0.02
@@ -140,3 +143,14 @@ class Processes:
         log = self._logs / f"{name}.log"
         lines = log.read_text(encoding="utf-8", errors="replace").split("\n")
         return f"{next(filter(None, reversed(lines)), 'without a word')} ({log})"
+
+
+def write_parameters(path: Path, nodes: dict[str, dict[str, Any]]) -> None:
+    """Write a ROS parameter file of parameters by node name; they hold in whatever namespace the node is.
+
+    Empty lists are left out: a parameter file has no type for them, and the node's default is the same.
+    """
+    plain = {
+        name: {key: each for key, each in values.items() if each not in ([], ())} for name, values in nodes.items()
+    }
+    replace_text(path, dump_yaml({f"/**/{name}": {"ros__parameters": values} for name, values in plain.items()}))

@@ -1,23 +1,18 @@
 """What is said of a walk, and what it leaves: a line an episode, the summary, the exit code."""
 
 import contextlib
-import os
-import signal
 import sys
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import active_children, get_context
 from pathlib import Path
 from typing import Any
 
 from pydantic_core import to_json
 from rabbit_common import exit_codes
-from rabbit_common.child_process import end_with_parent
 from rabbit_common.executables import LaunchError
 from rabbit_common.exit_codes import ExitCode, Interrupted
 from rabbit_recording import RecordingError
 
-from rabbit_bringup.launching.parameter_file import write_parameters
+from rabbit_bringup.launching.processes import write_parameters
 from rabbit_bringup.launching.walk import WalkSettings
 
 Ended = Callable[[Any], None]  # gets the `Episode` message of an episode that has ended
@@ -99,27 +94,15 @@ def _leave(walk: WalkSettings, code: ExitCode, seconds: float) -> None:
 
 
 def _show(walk: WalkSettings) -> None:
-    """Draw, while another process films."""
+    """Draw and film it."""
     from rabbit_viewer.walk_pictures import draw_pictures, film_walk
     from rich.console import Console
 
-    pool = ProcessPoolExecutor(1, get_context("spawn"), _begin_film, (os.getpid(),))
-    with Console().status("drawing"), pool as other:
-        film = other.submit(film_walk, walk.folder) if walk.options.video else None
-        try:
-            if walk.options.pictures:
-                draw_pictures(walk.folder)
-            if film:
-                film.result()
-        except KeyboardInterrupt:
-            for process in active_children():  # SIGTERM has reached this process alone
-                process.kill()
-            raise
-
-
-def _begin_film(parent: int) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
-    end_with_parent(parent)
+    with Console().status("drawing"):
+        if walk.options.pictures:
+            draw_pictures(walk.folder)
+        if walk.options.video:
+            film_walk(walk.folder)
 
 
 def _rescued(walk: WalkSettings, error: LaunchError) -> str:

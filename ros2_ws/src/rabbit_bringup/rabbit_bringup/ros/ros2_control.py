@@ -18,8 +18,7 @@ from typing import Any, ClassVar
 import numpy as np
 from geometry_msgs.msg import WrenchStamped
 from pydantic import Field
-from rabbit_common.message_arrays import doubles
-from rabbit_common.message_checks import check_finite
+from rabbit_common.message_checks import check_finite, doubles
 from rabbit_common.ros.conversions import imu_of, joints_of, nanoseconds
 from rabbit_common.ros.spin import run
 from rabbit_description.state import (

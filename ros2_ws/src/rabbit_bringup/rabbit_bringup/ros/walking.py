@@ -8,8 +8,7 @@ from typing import Any
 from rabbit_common.priority import leave_priority, take_listeners_priority
 from rabbit_common.ros.namespace_check import NamespaceCheck
 
-from rabbit_bringup.launching.parameter_file import write_parameters
-from rabbit_bringup.launching.processes import Processes
+from rabbit_bringup.launching.processes import Processes, write_parameters
 from rabbit_bringup.launching.walk import WalkSettings
 from rabbit_bringup.ros.walk_monitor import Progress, WalkMonitor
 

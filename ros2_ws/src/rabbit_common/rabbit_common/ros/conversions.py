@@ -25,8 +25,7 @@ from rabbit_msgs import msg
 from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import Header
 
-from rabbit_common.message_arrays import check_lengths, doubles
-from rabbit_common.message_checks import Refused, check_finite
+from rabbit_common.message_checks import Refused, check_finite, check_lengths, doubles
 
 WORLD = "world"  # the frame of what the simulator measures
 SOLES = ("l_sole", "r_sole")  # the feet's frames, in the order of FEET

@@ -14,8 +14,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from rabbit_common.message_arrays import check_lengths, doubles
-from rabbit_common.message_checks import Refused, check_finite, check_turn
+from rabbit_common.message_checks import Refused, check_finite, check_lengths, check_turn, doubles
 from rabbit_common.priority import scheduling, take_priority
 from rabbit_common.ros.checked_node import CheckedNode
 from rabbit_common.ros.conversions import LENGTHS, check_episode, encoders_of, imu_of, is_new_simulator, nanoseconds

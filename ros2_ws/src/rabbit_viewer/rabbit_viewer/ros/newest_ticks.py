@@ -2,8 +2,7 @@
 
 from collections.abc import Iterable
 
-from rabbit_common.message_arrays import check_lengths
-from rabbit_common.message_checks import Refused, check_finite
+from rabbit_common.message_checks import Refused, check_finite, check_lengths
 from rabbit_common.ros.checked_node import decoded
 from rabbit_common.ros.conversions import LENGTHS
 from rabbit_msgs.msg import ControllerState, LearnerTerms, RobotState

@@ -11,8 +11,7 @@ import secrets
 from functools import partial
 
 import numpy as np
-from rabbit_common.message_arrays import doubles
-from rabbit_common.message_checks import Refused
+from rabbit_common.message_checks import Refused, doubles
 from rabbit_common.priority import scheduling, take_priority
 from rabbit_common.ros.checked_node import CheckedNode
 from rabbit_common.ros.diagnostics import BARRIER, OK, WARN, Diagnostics, Status

@@ -4,8 +4,7 @@ from array import array
 from dataclasses import fields
 from typing import Any
 
-from rabbit_common.message_arrays import doubles
-from rabbit_common.message_checks import Refused
+from rabbit_common.message_checks import Refused, doubles
 from rabbit_common.ros.conversions import state_of, torque_of
 from rabbit_common.ros.qos import EVENT, TICK, WEIGHTS
 from rabbit_msgs import msg
