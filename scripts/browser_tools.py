@@ -6,24 +6,18 @@ Only `make docs` installs it, and only where node and npm are: the project itsel
 import os
 import shutil
 import sys
-from dataclasses import dataclass
-from pathlib import Path
 
 from common import STATE, SetUpError, digest, is_done, logged, mark_done, say
 from pip_install import REQUIREMENTS, pip_install
 
 BROWSER = STATE / "browser"
+TOOLS = {  # as `build_page` names them: a program; folders, the last of which holds what zig has compiled
+    "zig": BROWSER / "python" / "ziglang" / "zig",
+    "daqp": BROWSER / "daqp" / "csrc",
+    "mujoco": BROWSER / "npm" / "node_modules" / "@mujoco" / "mujoco",
+    "cache": BROWSER / "cache",
+}
 LOCKS = [*REQUIREMENTS.glob("browser.txt"), *REQUIREMENTS.glob("daqp_source.txt"), *REQUIREMENTS.glob("npm/*.json")]
-
-
-@dataclass(frozen=True)
-class BrowserTools:
-    """The program `zig`; folders: DAQP's C source, the npm package @mujoco/mujoco, what zig has compiled."""
-
-    zig: Path = BROWSER / "python" / "ziglang" / "zig"
-    daqp: Path = BROWSER / "daqp" / "csrc"
-    mujoco: Path = BROWSER / "npm" / "node_modules" / "@mujoco" / "mujoco"
-    cache: Path = BROWSER / "cache"
 
 
 def missing() -> str:
@@ -39,15 +33,15 @@ def key() -> str:
     return digest(LOCKS, sys.version)
 
 
-def install() -> BrowserTools | None:
-    """Install them, once for each lock; None where node or npm is missing.
+def install() -> str:
+    """Install them, once for each lock; why not, where node or npm is missing.
 
     Raises:
         SetUpError: a registry did not answer, or gave another file than the one that is locked.
     """
     why = missing()
     if why.startswith(("node", "npm")):
-        return None
+        return why
     if why:
         say("docs: zig, DAQP's source and MuJoCo's module, for the page that walks in the browser")
         shutil.rmtree(BROWSER, ignore_errors=True)
@@ -55,7 +49,7 @@ def install() -> BrowserTools | None:
         fetch_daqp()
         fetch_mujoco()
         mark_done("browser", key())
-    return BrowserTools()
+    return ""
 
 
 def fetch_daqp() -> None:

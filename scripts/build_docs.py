@@ -5,10 +5,10 @@ Sphinx and what it needs lie in .setup/sphinx, apart from .venv: the ROS wheels 
 """
 
 import os
+import re
 import shutil
 import subprocess
 import sys
-from html.parser import HTMLParser
 from pathlib import Path
 
 import browser_tools
@@ -17,30 +17,16 @@ from pip_install import REQUIREMENTS, pip_install
 
 SPHINX = STATE / "sphinx"
 SITE = ROOT / "docs" / "build"
-
-
-class Requests(HTMLParser):
-    """The addresses on other hosts that a page asks for as it opens."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.found: list[str] = []
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        """Links that a reader follows (`a`) are not asked for."""
-        for name, value in attrs:
-            if tag != "a" and name in ("src", "href", "srcset", "data") and (value or "").startswith(("http", "//")):
-                self.found.append(f"{tag} {value}")
+REQUEST = re.compile(r"""<(?!a\s)(\w+)\s[^>]*?(?<=\s)(?:src|href|srcset|data)=["']?((?:http|//)[^\s"'>]*)""")
 
 
 def outside_requests(site: Path) -> list[str]:
-    """What the pages of a folder ask of other hosts, as `page: tag address`."""
-    found = []
-    for path in sorted(site.rglob("*.html")):
-        page = Requests()
-        page.feed(path.read_text(encoding="utf-8"))
-        found += [f"{path.relative_to(site)}: {request}" for request in page.found]
-    return found
+    """What the pages of a folder ask of other hosts, as `page: tag address`; links (`a`) are not asked for."""
+    return [
+        f"{path.relative_to(site)}: {tag} {address}"
+        for path in sorted(site.rglob("*.html"))
+        for tag, address in REQUEST.findall(path.read_text(encoding="utf-8"))
+    ]
 
 
 def install_sphinx() -> None:
@@ -55,14 +41,14 @@ def install_sphinx() -> None:
 
 def build_first_page() -> None:
     """The page where the robot walks; without node and npm the first page stays what `docs/site/index.html` is."""
-    if (tools := browser_tools.install()) is None:
-        say(f"docs: without the page that walks in the browser: {browser_tools.missing()}")
+    if why := browser_tools.install():
+        say(f"docs: without the page that walks in the browser: {why}")
         return
     from rabbit_in_browser.build import BuildError, build_page
 
     say("docs: the page that walks in the browser")
     try:
-        build_page(SITE, tools.zig, tools.daqp, tools.mujoco, tools.cache)
+        build_page(SITE, **browser_tools.TOOLS)
     except BuildError as error:
         raise SetUpError(str(error)) from error
 

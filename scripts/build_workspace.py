@@ -1,6 +1,7 @@
 """`make build`: colcon builds ros2_ws over the environment's own or the system's ROS 2. A second call does nothing.
 
-Modules are linked, not copied: a new or changed one needs no build. A new data file, message or executable does.
+Modules are linked, not copied: a new or changed one needs no build. A new data file, message or executable does. Each
+build is a whole one: colcon takes away nothing that has left a package, and cannot go on in another place.
 """
 
 import os
@@ -11,7 +12,6 @@ from pathlib import Path
 from common import STATE, VENV, WORKSPACE, SetUpError, digest, is_done, logged, main, mark_done, say, system_ros
 
 SOURCES = WORKSPACE / "src"
-INSTALL = WORKSPACE / "install"
 STAND_INS = WORKSPACE / "stand_ins"  # messages that a full ROS 2 has and the wheels have not; plain colcon ignores them
 LEFT_OVER = {"__pycache__", "build", *(path.name for path in SOURCES.glob("*/*.egg-info"))}  # by pip
 LINKED = {".py", ".yaml", ".urdf", ".safetensors"}
@@ -42,41 +42,8 @@ def build_key() -> str:
     read = [path for path in files if path.name.endswith("setup.py") or path.suffix not in LINKED]
     stand_ins = [path for path in STAND_INS.rglob("*") if path.is_file()]
     names = sorted(str(path.relative_to(SOURCES)) for path in files)
-    return digest([*read, *stand_ins, Path(__file__)], *names, place(), (STATE / "mend.stamp").read_text())
-
-
-def place() -> str:
-    """Where the workspace is built and over which ROS 2."""
-    return f"{VENV} {(VENV / 'bin' / 'python').resolve()} {system_ros()}"
-
-
-def clear_if_moved() -> None:
-    """Remove what another place or another Python built: colcon cannot go on from there."""
-    mark = WORKSPACE / "build" / "place"
-    if not mark.is_file() or mark.read_text() != place():
-        for name in ("build", "install", "log"):
-            shutil.rmtree(WORKSPACE / name, ignore_errors=True)
-    mark.parent.mkdir(exist_ok=True)
-    mark.write_text(place())
-
-
-def clear_executables() -> None:
-    """Remove what earlier builds installed as executables: colcon installs those of today, and takes away none."""
-    for folder in INSTALL.glob("*/lib/*"):
-        if folder.name == folder.parents[1].name:
-            shutil.rmtree(folder)
-    for script in SOURCES.glob("*/bin/*"):
-        old = INSTALL / script.parent.parent.name / "bin" / script.name
-        if not old.is_symlink():  # colcon would stop there
-            old.unlink(missing_ok=True)
-
-
-def clear_dangling_links() -> None:
-    """Remove what leads to a file that has left its package: colcon would stop there."""
-    for folder in (WORKSPACE / "build", INSTALL):
-        for path in folder.rglob("*"):
-            if path.is_symlink() and not path.exists():
-                path.unlink()
+    place = f"{VENV} {(VENV / 'bin' / 'python').resolve()} {system_ros()}"
+    return digest([*read, *stand_ins, Path(__file__)], *names, place, (STATE / "mend.stamp").read_text())
 
 
 def colcon_build() -> None:
@@ -97,10 +64,9 @@ def build() -> None:
     key = build_key()
     if is_done("workspace", key) and (WORKSPACE / "install" / "setup.bash").is_file():
         return
-    say("build: the ROS 2 workspace (a minute the first time)")
-    clear_if_moved()
-    clear_executables()
-    clear_dangling_links()
+    say("build: the ROS 2 workspace (a minute)")
+    for name in ("build", "install", "log"):
+        shutil.rmtree(WORKSPACE / name, ignore_errors=True)
     colcon_build()
     mark_done("workspace", key)
 

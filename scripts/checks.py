@@ -13,12 +13,6 @@ INSTALL = "with apt: `apt-get install build-essential cmake git python3-dev pyth
 ROOM = 3  # GB, with the CPU build of torch
 
 
-def check_path(root: Path) -> None:
-    """Refuse a path that shebang lines cannot hold."""
-    if any(letter.isspace() for letter in str(root)):
-        raise SetUpError(f"the path {str(root)!r} has a space in it; move the project to a path without one")
-
-
 def check_tools() -> None:
     """Refuse a machine without a C and a C++ compiler, CMake or git."""
     compilers = [os.environ.get("CC", "cc"), os.environ.get("CXX", "c++")]
@@ -55,7 +49,6 @@ def check_room(root: Path, gigabytes: float = ROOM) -> None:
 
 def check_all() -> None:
     """All of the above."""
-    check_path(ROOT)
     check_tools()
     check_python()
     check_ros(system_ros())

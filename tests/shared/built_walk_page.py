@@ -15,6 +15,5 @@ def build(site: Path) -> Path:
         pytest.skip(f"the page cannot be built here: {why}")
     from rabbit_in_browser.build import build_page
 
-    tools = browser_tools.BrowserTools()
-    build_page(site, tools.zig, tools.daqp, tools.mujoco, tools.cache)
+    build_page(site, **browser_tools.TOOLS)
     return site

@@ -27,12 +27,6 @@ def script(monkeypatch: pytest.MonkeyPatch):
     return load
 
 
-def test_a_space_in_the_path_is_refused(script) -> None:
-    common, checks = script("common"), script("checks")
-    with pytest.raises(common.SetUpError, match="has a space in it; move"):
-        checks.check_path(Path("/home/a user/rabbit"))
-
-
 def test_a_missing_compiler_is_named(script, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     common, checks = script("common"), script("checks")
     monkeypatch.setenv("PATH", str(tmp_path))
@@ -89,7 +83,7 @@ def test_without_node_the_site_has_its_other_pages(script, monkeypatch: pytest.M
     tools = script("browser_tools")
     monkeypatch.setenv("PATH", str(tmp_path))
     assert tools.missing() == "node and npm not installed"
-    assert tools.install() is None
+    assert tools.install() == "node and npm not installed"
 
 
 def test_a_stamp_holds_only_for_the_same_inputs(script, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -105,22 +99,6 @@ def test_a_stamp_holds_only_for_the_same_inputs(script, monkeypatch: pytest.Monk
     assert not common.is_done("step", common.digest([lock], "place"))
     common.forget("step")
     assert not common.is_done("step", key)
-
-
-def test_links_to_files_that_have_left_a_package_are_removed(
-    script, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    build_workspace = script("build_workspace")
-    monkeypatch.setattr(build_workspace, "WORKSPACE", tmp_path)
-    monkeypatch.setattr(build_workspace, "INSTALL", tmp_path / "install")
-    folders = [tmp_path / "build" / "one" / "bin", tmp_path / "install" / "one" / "lib" / "one"]
-    (tmp_path / "kept").touch()
-    for folder in folders:
-        folder.mkdir(parents=True)
-        (folder / "moved").symlink_to(tmp_path / "nowhere")
-        (folder / "kept").symlink_to(tmp_path / "kept")
-    build_workspace.clear_dangling_links()
-    assert [path.name for folder in folders for path in folder.iterdir()] == ["kept", "kept"]
 
 
 def test_mending_wheels_twice_changes_nothing_more(script, tmp_path: Path) -> None:
