@@ -115,10 +115,11 @@ class WalkSettings(BaseModel):
         return self.folder / "parameters.yaml"
 
     def arguments(self, name: str) -> list[str]:
-        """The command line of an executable."""
+        """The command line of an executable. The simulator waits for the launcher; by the file alone it does not."""
+        paused = ("-p", "start_paused:=true") if name == "simulator" else ()
         remaps = ("-r", "/clock:=clock", "-r", f"__ns:=/{self.options.namespace.strip('/')}")
         own = ("--log-level", self.options.log_level, "--enclave", f"/rabbit/{name}")
-        return ["--ros-args", "--params-file", str(self.parameter_file), *remaps, *own]
+        return ["--ros-args", "--params-file", str(self.parameter_file), *paused, *remaps, *own]
 
     def parameters(self) -> dict[str, dict[str, Any]]:
         """Of each node."""
@@ -128,9 +129,7 @@ class WalkSettings(BaseModel):
             "simulator": {
                 "seed": options.seed,
                 "episodes": options.episodes,
-                "start_paused": True,
                 "trainer": "ignore" if not options.trainer else "follow" if options.learns_between else "wait",
-                "memory": str(self.folder / "simulator.memory"),
                 "real_time": options.real_time,
                 "pace": float(options.view) if options.pace is None else options.pace,
                 **priority,

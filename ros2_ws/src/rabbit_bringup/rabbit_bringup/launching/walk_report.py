@@ -12,7 +12,6 @@ from rabbit_common.executables import LaunchError
 from rabbit_common.exit_codes import ExitCode, Interrupted
 from rabbit_recording import RecordingError
 
-from rabbit_bringup.launching.processes import write_parameters
 from rabbit_bringup.launching.walk import WalkSettings
 
 Ended = Callable[[Any], None]  # gets the `Episode` message of an episode that has ended
@@ -30,9 +29,7 @@ def carry_out(walk: WalkSettings, run: Callable[[Ended], Any]) -> int:
         print(line(episode), flush=True)
 
     try:
-        with contextlib.ExitStack() as at_last:
-            at_last.callback(_free_of_launcher, walk)
-            seconds = run(tell).seconds
+        seconds = run(tell).seconds
     except Interrupted as error:
         complain(f"stopped by {error}; what was recorded is in {walk.folder}")
         return error.code
@@ -47,18 +44,6 @@ def carry_out(walk: WalkSettings, run: Callable[[Ended], Any]) -> int:
     others = f"; torques of {refused[0]} were refused" if refused else ""
     print(f"{code.word}: {counted.count('walked')} of {len(counted)} episodes walked{others}", flush=True)
     return code
-
-
-def _free_of_launcher(walk: WalkSettings) -> None:
-    """Leave parameters under which the nodes walk again without a launcher: nobody would let the simulator begin.
-
-    Its memory says that all episodes are done.
-    """
-    if walk.parameter_file.exists():
-        parameters = walk.parameters()
-        for name in ("start_paused", "memory"):
-            del parameters["simulator"][name]
-        write_parameters(walk.parameter_file, parameters)
 
 
 def line(episode: Any) -> str:
