@@ -63,28 +63,19 @@ def bench(given: Given) -> None:
 
 def show(figures: dict[str, Any]) -> None:
     """Times and ratios on the screen."""
-    from rich.console import Console
-    from rich.table import Table
+    from rabbit_campaigns.figures import print_table
 
-    times = Table("microseconds", "median", "p99", title=f"{figures['ticks']} ticks")
-    for name, us in figures["us"].items():
-        times.add_row(name, f"{us['p50']:.1f}", f"{us['p99']:.1f}")
-    ratios = Table("ratio", "")
-    for name, ratio in figures["ratios"].items():
-        ratios.add_row(name, f"{ratio:.2f}")
-    Console().print(times, ratios)
+    times = [(name, f"{us['p50']:.1f}", f"{us['p99']:.1f}") for name, us in figures["us"].items()]
+    print_table(("microseconds", "median", "p99"), times, f"{figures['ticks']} ticks")
+    print_table(("ratio", ""), [(name, f"{ratio:.2f}") for name, ratio in figures["ratios"].items()])
     print(f"a walk in process: {figures['real_time_factor']:.1f} times real time")
 
 
 def show_batch(found: dict[str, Any]) -> None:
     """Times, memory and ratios."""
-    from rich.console import Console
-    from rich.table import Table
+    from rabbit_campaigns.figures import print_table
 
-    table = Table("", "", title=f"{found['robots']} robots, {found['robot_ticks']} ticks of a robot")
     rows = {f"{name}, us of CPU a robot and tick": f"{us:.1f}" for name, us in found["us"].items()}
     rows |= {f"memory {name}, MB": f"{mb:.1f}" for name, mb in found["memory_mb"].items()}
     rows |= {name: f"{ratio:.2f}" for name, ratio in found["ratios"].items()}
-    for row in rows.items():
-        table.add_row(*row)
-    Console().print(table)
+    print_table(("", ""), rows.items(), f"{found['robots']} robots, {found['robot_ticks']} ticks of a robot")

@@ -48,16 +48,12 @@ def faults(
 
 def tell(rows: list[dict[str, Any]], out: Path) -> None:
     """Counts on the screen."""
-    from rich.console import Console
-    from rich.table import Table
-
     from rabbit_campaigns.faults.plan import KINDS, NODES, SECOND
+    from rabbit_campaigns.figures import print_table
 
-    table = Table("node", *KINDS, title=f"{len(rows)} faults")
     counts = Counter((row["node"], row["kind"]) for row in rows)
-    for node in (*NODES, SECOND):
-        table.add_row(node, *(str(counts[node, kind]) for kind in KINDS))
-    Console().print(table)
+    cells = [(node, *(str(counts[node, kind]) for kind in KINDS)) for node in (*NODES, SECOND)]
+    print_table(("node", *KINDS), cells, f"{len(rows)} faults")
     read = [row for row in rows if "misread" in row]
     found = {
         "hangs": sum(row["hang"] for row in rows),

@@ -51,7 +51,7 @@ def jitter(given: Given) -> None:
     from rabbit_recording import RecordingError
     from rich.console import Console
 
-    from rabbit_campaigns.figures import write_figures
+    from rabbit_campaigns.figures import print_table, write_figures
     from rabbit_campaigns.jitter import LATE_LIMIT, walk_beside
 
     cases = []
@@ -62,21 +62,11 @@ def jitter(given: Given) -> None:
                 write_figures(folder / "jitter.json", {"cases": cases, "seed": told.seed})
         except Interrupted as error:
             fail(f"stopped by {error}; what was recorded is in {folder}", code=error.code)
-    show(cases)
+    head = ("times in ms", *(f"{row['neighbours']} neighbours" for row in cases))
+    print_table(head, [(name, *map(tell, cases)) for name, tell in LINES.items()])
     print(f"written to {folder}")
     if any(row["late_share"] > LATE_LIMIT for row in cases):
         raise typer.Exit(NOT_FIT)
-
-
-def show(rows: list[dict[str, Any]]) -> None:
-    """A table on the screen, a column a walk."""
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table("times in ms", *(f"{row['neighbours']} neighbours" for row in rows))
-    for name, tell in LINES.items():
-        table.add_row(name, *map(tell, rows))
-    Console().print(table)
 
 
 LINES: dict[str, Callable[[dict[str, Any]], str]] = {
