@@ -44,7 +44,7 @@ walk: build ## RABBIT walks over 20 stepping stones through the nodes; then, in 
 test: build tools ## what to run before a pull request: analytic, physical, closed-loop, ROS; 90 % coverage of the maths
 	@$(WITH_WORKSPACE) export OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 PYTEST_DISABLE_PLUGIN_AUTOLOAD=1 && \
 	  python -m pytest $(PLUGINS) -n 2 $(if $(ALL),,-m "not slow and not thorough") --cov --junitxml=.setup/tests.xml $(ARGS) && \
-	  python scripts/count_tests.py .setup/tests.xml $(if $(ALL),,fuzz metamorphic)
+	  python scripts/count_tests.py .setup/tests.xml
 
 test-all: ## all tests: also fuzz, faults, kills, campaigns, roads against each other, and a training of some minutes
 	@$(MAKE) --no-print-directory test ALL=1
