@@ -20,7 +20,7 @@ def ran(report: Path) -> Counter[str]:
     """How many tests of each group ran, of those that were chosen; pytest itself reports failures."""
     counts: Counter[str] = Counter()
     for case in ElementTree.parse(report).iter("testcase"):
-        group = group_of(case.get("classname") or case.get("name", ""))  # a file that is skipped has its name there
+        group = group_of(case.get("classname", "") or case.get("name", ""))  # a file that is skipped has its name there
         counts[group] += not len(case) or case[0].tag == "properties"
     return counts
 
