@@ -5,21 +5,18 @@ and for each commanded parameter what is added to it; a parameter that is anothe
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from multiprocessing.queues import Queue
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
-from pydantic import Field, TypeAdapter, create_model
-from rabbit_viewer.page.messages import Explain
+from pydantic import Field, create_model
+from rabbit_viewer.page import Checked
 from rabbit_viewer.play import playing
-from rabbit_viewer.play.messages import Pause, Reset, Speed, Tick, Watch
-from rabbit_viewer.play.serving import Door
-from rabbit_viewer.play.settings import NOBODY, Checked, Number, PlayError, described, shown
+from rabbit_viewer.play.messages import Asked, Choose, Push
+from rabbit_viewer.play.settings import NOBODY, Number, PlayError, described, shown
 
 from own_systems.episode import Moment, Ride, Rider, beginning
 from own_systems.loading import load_task
@@ -40,30 +37,12 @@ class Start:
     seed: int
 
 
-class Choose(Checked):
-    """Choose settings, which `settings_of` checks: for what is in force, or to begin again with them."""
-
-    do: Literal["set", "begin"]
-    settings: dict[str, Any]
-
-
-Asked = Annotated[Choose | Reset | Pause | Tick | Speed | Watch | Explain, Field(discriminator="do")]
-ASKED: TypeAdapter[Asked] = TypeAdapter(Asked)
-
-
-class TaskDoor(Door):
-    """Of a played task."""
-
-    def __init__(self, start: Start, put: Callable[[Any], object]) -> None:
-        super().__init__(start, put)
-        self._settings = settings_of(load_task(start.source), start)
-
-    def checked(self, message: str) -> Asked:
-        """See `Door`."""
-        asked = ASKED.validate_json(message)
-        if isinstance(asked, Choose):
-            self._settings.model_validate(asked.settings)
-        return asked
+def check_asked(settings: type[Checked], asked: Asked) -> None:
+    """Whether it can be asked of a task with such `settings`; raises `ValidationError`, `PlayError`."""
+    if isinstance(asked, Choose):
+        settings.model_validate(asked.settings)
+    if isinstance(asked, Push):
+        raise PlayError("push: expected a walk of RABBIT")
 
 
 def settings_of(task: ControlTask, start: Start) -> type[Checked]:
@@ -177,21 +156,15 @@ class TaskPlayer(playing.Playing):
         self._start, task = start, load_task(start.source)
         self._tasks = task, replace(task)  # each with a tick of its own
         self.tick_seconds = task.seconds
-        self._model = settings_of(task, start)
+        self.model = settings_of(task, start)
         self._riders: list[Rider] = []
         try:
             x, commands, _ = beginning(task, start.seed)
             most = ROOM * len(numbers_of(pictured(task, x, task.parameters_at({}, commands(0.0)))))
             self._rows = [RideRows(each, most) for each in self._tasks]
-            super().__init__(self._model(), send)
+            super().__init__(self.model(), send)
         except TaskError as error:
             raise PlayError(str(error)) from error
-
-    def take(self, asked: Any) -> None:
-        """See `Playing`."""
-        if isinstance(asked, Choose):
-            asked = asked.model_copy(update={"settings": self._model.model_validate(asked.settings)})
-        super().take(asked)
 
     def made(self, settings: Any) -> tuple[list[PlayedRide], dict[str, Any]]:
         """See `Playing`."""
@@ -204,7 +177,7 @@ class TaskPlayer(playing.Playing):
         self._change(settings)
         about = {
             "title": f"{self._tasks[0].name}, seed {settings.seed}",
-            "controls": described(self._model),
+            "controls": described(self.model),
             "story": self._opening(settings),
             "waits": WAITS,
             "next": [{"text": "Why then?", "do": {"do": "explain"}}],
@@ -229,8 +202,3 @@ class TaskPlayer(playing.Playing):
         nominal = self._tasks[0].nominal.items()
         told = [f"{name} {getattr(settings, TRUE + name):g} (model: {believed:g})" for name, believed in nominal]
         return f"The true system has {', '.join(told)}." if told else "The model is the true system."
-
-
-def play(send: playing.Send, start: Start, wishes: "Queue[Asked]") -> None:
-    """Play until the process ends."""
-    playing.play(send, partial(TaskPlayer, start, send), wishes)

@@ -14,9 +14,10 @@ from own_systems import Disc, Line
 from own_systems.episode import Rider
 from own_systems.loading import load_task
 from own_systems.page import RideRows, explained, numbers_of
-from own_systems.play import ASKED, Start, TaskDoor, TaskPlayer, altered, rates_of, settings_of
+from own_systems.play import Start, TaskPlayer, altered, check_asked, rates_of, settings_of
 from rabbit_viewer.page.broadcast import Broadcast
-from rabbit_viewer.play.serving import tell
+from rabbit_viewer.play.messages import ASKED
+from rabbit_viewer.play.serving import Door, tell
 
 EXAMPLES = Path(__file__).resolve().parents[4] / "examples"
 
@@ -174,15 +175,16 @@ def test_a_tick_is_explained_live_as_in_process(start: Start) -> None:
     ("message", "said"),
     [
         ({"do": "push", "force": 1}, "push"),
-        ({"do": "set", "settings": {"true_mass": 1e9}}, "true-mass 1000000000.0: expected less than or equal to 5"),
-        ({"do": "set", "settings": {"true_mass": "NaN"}}, "true-mass NaN: expected a finite number"),
+        ({"do": "set", "settings": {"true_mass": 1e9}}, "true_mass 1000000000.0: expected less than or equal to 5"),
+        ({"do": "set", "settings": {"true_mass": "NaN"}}, "true_mass NaN: expected a finite number"),
         ({"do": "set", "settings": {"mass": 1}}, "mass"),
         ({"do": "begin", "settings": {"first": "/etc/passwd"}}, "first"),
     ],
 )
 def test_the_door_refuses_in_one_line(start: Start, message: dict[str, Any], said: str) -> None:
     passed = list[Any]()
-    line = TaskDoor(start, passed.append)(json.dumps(message))
+    settings = settings_of(load_task(start.source), start)
+    line = Door(partial(check_asked, settings), passed.append)(json.dumps(message))
     assert said in line
     assert "\n" not in line
     assert passed == []

@@ -18,7 +18,7 @@ from rabbit_sim.parameters import SimulationParameters
 from rabbit_viewer.page.broadcast import Broadcast
 from rabbit_viewer.play.messages import ASKED, Asked
 from rabbit_viewer.play.player import Player
-from rabbit_viewer.play.serving import Door, tell, write_play
+from rabbit_viewer.play.serving import Door, check_walk, tell, write_play
 from rabbit_viewer.play.settings import PlaySettings, Start, controls
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
@@ -320,7 +320,7 @@ def test_bad_messages_do_no_harm(played: Callable[..., Played]) -> None:
         passed.append(asked)
         return ""
 
-    door = Door(start_of(), ask)
+    door = Door(partial(check_walk, start_of()), ask)
     refused = 0
     while refused < BAD_MESSAGES:
         count = len(passed)
@@ -338,16 +338,19 @@ def test_bad_messages_do_no_harm(played: Callable[..., Played]) -> None:
 
 
 def test_what_the_plant_refuses_is_refused_at_the_door() -> None:
+    def answer(start: Start, message: str) -> str:
+        return Door(partial(check_walk, start), lambda _: "")(message)
+
     wide = {"do": "set", "settings": {"l_min_std": 0.08, "stone_width": 0.3}}
     far = start_of().model_copy(update={"plant": BASE.model_copy(update={"l_min_mean": 0.5})})
-    assert "expected at most 0.9 m" in Door(far, lambda _: "")(json.dumps(wide))
+    assert "expected at most 0.9 m" in answer(far, json.dumps(wide))
     push = '{"do": "push", "force": 10}'
     rigid = start_of().model_copy(update={"plant": BASE.model_copy(update={"plant": "rigid"})})
-    assert "expected the plant pybullet or mujoco" in Door(rigid, lambda _: "")(push)
+    assert "expected the plant pybullet or mujoco" in answer(rigid, push)
     begun = json.dumps({"do": "begin", "settings": {"coulomb": 5.0}})
-    assert "coulomb = 5 with plant rigid: expected 0, pybullet or mujoco" in Door(rigid, lambda _: "")(begun)
-    assert not Door(start_of(), lambda _: "")(begun)
-    assert not Door(start_of(), lambda _: "")(push)
+    assert "coulomb = 5 with plant rigid: expected 0, pybullet or mujoco" in answer(rigid, begun)
+    assert not answer(start_of(), begun)
+    assert not answer(start_of(), push)
 
 
 def test_what_does_not_fit_the_sensors_in_force_waits_for_theirs(played: Callable[..., Played]) -> None:
@@ -376,7 +379,7 @@ def any_settings(rng: random.Random) -> dict[str, Any]:
 def test_whatever_is_chosen_the_player_goes_on(played: Callable[..., Played]) -> None:
     """Whatever the door lets pass."""
     rng, one = random.Random(5), played()
-    door = Door(start_of(), one.player.take)
+    door = Door(partial(check_walk, start_of()), one.player.take)
 
     def choose(do: str) -> None:
         while door(json.dumps({"do": do, "settings": any_settings(rng)})):

@@ -3,6 +3,7 @@
 import csv
 import json
 from collections import Counter
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -185,18 +186,21 @@ def play(
     """Watch two controllers ride side by side in the browser, and change the true system as they do."""
     loaded = load(task)
     from rabbit_viewer.page import PageError
+    from rabbit_viewer.play import playing
     from rabbit_viewer.play.serving import serve
     from rabbit_viewer.play.settings import PlayError
 
     from own_systems.episode import Rider
-    from own_systems.play import Start, TaskDoor, play
+    from own_systems.play import Start, TaskPlayer, check_asked, settings_of
 
     rider, names = Rider(loaded), tuple(controller.split(","))
     with complaints(ValueError):
         for name in names:
             rider.controlling(name)
     with complaints(PageError, PlayError):
-        serve(TaskDoor, play, Start(task, names, seed), port, browser)
+        start = Start(task, names, seed)
+        passes = partial(check_asked, settings_of(loaded, start))
+        serve(passes, partial(playing.play, TaskPlayer), start, port, browser)
 
 
 @app.command()

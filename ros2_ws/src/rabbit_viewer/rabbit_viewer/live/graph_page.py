@@ -3,12 +3,12 @@
 from queue import SimpleQueue
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError
 from rabbit_common.options import fault
 from rabbit_description.state import TICK_SECONDS, RobotState
 from rl_cbf_clf_controller.controller_output import ControllerOutput
 
-from rabbit_viewer.page import HOST
+from rabbit_viewer.page import HOST, Checked
 from rabbit_viewer.page.broadcast import Broadcast
 from rabbit_viewer.page.rows import RowMaker, packed
 from rabbit_viewer.page.server import PageServer, refused
@@ -16,27 +16,21 @@ from rabbit_viewer.page.server import PageServer, refused
 ONLY_LOOKS = "this view only looks; start it with --control"
 
 
-class Message(BaseModel):
-    """Exactly these fields; all but `do` are those of the service's request, by alias."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Pause(Message):
-    """Hold the robot between two ticks, or let it go on."""
+class Pause(Checked):
+    """Hold the robot between two ticks, or let it go on. Here and below: the fields of the service, by alias."""
 
     do: Literal["pause"]
     paused: bool = Field(serialization_alias="data")
 
 
-class Reset(Message):
+class Reset(Checked):
     """End the episode and begin the next one."""
 
     do: Literal["reset"]
     seed: int = Field(ge=0, le=2**53)
 
 
-class Load(Message):
+class Load(Checked):
     """Put a policy in force: a shipped one, or a file of the controller's machine."""
 
     do: Literal["load"]

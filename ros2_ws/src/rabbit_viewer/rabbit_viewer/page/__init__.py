@@ -4,6 +4,10 @@ A source tells a `broadcast` of a walk: `rows` of a tick's numbers, and words. `
 `files`: what the page is made of, and all of it in one HTML file.
 """
 
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
 HOST = "127.0.0.1"
 NAMES = (HOST, "localhost")  # of this machine, that a browser may ask for
 PORT = 8765
@@ -11,3 +15,17 @@ PORT = 8765
 
 class PageError(RuntimeError):
     """The page cannot be served or written; one line that says why."""
+
+
+class Checked(BaseModel):
+    """Exactly these fields."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Explain(Checked):
+    """What a browser may ask of any walk whose ticks are kept: why a robot decided so in a tick."""
+
+    do: Literal["explain"]
+    walker: int = Field(ge=0, le=1)
+    tick: int = Field(ge=0, le=2**31 - 1)

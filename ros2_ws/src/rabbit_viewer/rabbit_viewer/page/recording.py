@@ -15,9 +15,9 @@ from rabbit_experiments.walk_records import ARRAYS, RECORDING, RECORDS, SEEN, Wa
 from rabbit_recording import RecordingError
 from rabbit_recording.explaining import explain_tick
 
+from rabbit_viewer.page import Explain
 from rabbit_viewer.page.broadcast import Broadcast
 from rabbit_viewer.page.files import write_page
-from rabbit_viewer.page.messages import Explain
 from rabbit_viewer.page.rows import RowMaker, packed
 from rabbit_viewer.page.server import PageServer
 from rabbit_viewer.walk_pictures import records_of

@@ -1,45 +1,32 @@
-"""What a browser may ask of a played walk. Each message is checked by its model, here and nowhere else."""
+"""What a browser may ask of what is played. Each message is checked by its model, its settings by the `Door`."""
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, TypeAdapter
 
-from rabbit_viewer.page.messages import Explain
-from rabbit_viewer.play.settings import Checked, Number, PlaySettings
+from rabbit_viewer.page import Checked, Explain
+from rabbit_viewer.play.settings import Number
 
 
-class Set(Checked):
-    """Choose settings; those that need it act from the next reset."""
+class Choose(Checked):
+    """Choose settings, of which some act from the next reset; or begin again with them."""
 
-    do: Literal["set"]
-    settings: PlaySettings
-
-
-class Reset(Checked):
-    """Begin again, with the chosen settings."""
-
-    do: Literal["reset"]
+    do: Literal["set", "begin"]
+    settings: dict[str, Any]
 
 
-class Begin(Checked):
-    """Begin again with these settings."""
+class Do(Checked):
+    """Begin again as chosen; pause after one more tick; somebody looks, for whom what is played has waited."""
 
-    do: Literal["begin"]
-    settings: PlaySettings
+    do: Literal["reset", "tick", "watch"]
 
 
 class Pause(Checked):
-    """Hold the walk, or let it go on."""
+    """Hold what is played, or let it go on."""
 
     do: Literal["pause"]
     paused: bool
-
-
-class Tick(Checked):
-    """Hold the walk after one more tick."""
-
-    do: Literal["tick"]
 
 
 class Speed(Checked):
@@ -57,13 +44,7 @@ class Push(Checked):
     seconds: Number = Field(0.1, ge=0.001, le=1)
 
 
-class Watch(Checked):
-    """Somebody looks: the walk that waits for its first viewer begins."""
-
-    do: Literal["watch"]
-
-
-Asked = Annotated[Set | Reset | Begin | Pause | Tick | Speed | Push | Watch | Explain, Field(discriminator="do")]
+Asked = Annotated[Choose | Do | Pause | Speed | Push | Explain, Field(discriminator="do")]
 ASKED: TypeAdapter[Asked] = TypeAdapter(Asked)
 
 

@@ -11,7 +11,9 @@ from contextlib import closing, suppress
 from multiprocessing.queues import Queue
 from typing import Any, Protocol
 
-from rabbit_viewer.page.messages import Explain
+from pydantic import BaseModel
+
+from rabbit_viewer.page import Explain
 from rabbit_viewer.page.rows import packed
 from rabbit_viewer.play.settings import PlayError
 
@@ -24,11 +26,8 @@ Send = Callable[..., None]
 class Shown(Protocol):
     """One of those that are played: a `row` a tick; `outcome` is empty until it has ended, `ended` says how."""
 
-    @property
-    def row(self) -> list[float]: ...
-
-    @property
-    def outcome(self) -> str: ...
+    row: list[float]
+    outcome: str
 
     @property
     def about(self) -> dict[str, Any]: ...
@@ -44,10 +43,11 @@ class Shown(Protocol):
 class Playing(ABC):
     """`walkers`: those that are played; `is_moving`: whether ticks are due; `seconds`: from one to the next.
 
-    Settings have a `seed`, and `again`: what follows an end. `send`: see `serving.tell`.
+    Settings are of a `model`; they have a `seed`, and `again`: what follows an end. `send`: see `serving.tell`.
     """
 
     tick_seconds: float
+    model: type[BaseModel]
     unusable: tuple[type[Exception], ...]  # what `made` raises where settings cannot be played
 
     def __init__(self, settings: Any, send: Send) -> None:
@@ -108,11 +108,11 @@ class Playing(ABC):
             case "explain":
                 self._explain(asked)
             case "set":
-                self.set(asked.settings)
+                self.set(self.model.model_validate(asked.settings))
             case "reset":
                 self._is_reset_due = True
             case "begin":
-                self._chosen, self._is_reset_due = asked.settings, True
+                self._chosen, self._is_reset_due = self.model.model_validate(asked.settings), True
             case "pause":
                 self.is_paused = asked.paused
             case "tick":
@@ -176,10 +176,10 @@ class Playing(ABC):
         self.say("explained", {"walker": asked.walker, "tick": asked.tick, "lines": lines})
 
 
-def play(send: Send, make: Callable[[], Playing], wishes: "Queue[Any]") -> None:
-    """Play until the process ends; where nothing can be made, which is a `PlayError`, say so."""
+def play(make: Callable[[Any, Send], Playing], send: Send, start: Any, wishes: "Queue[Any]") -> None:
+    """Play until the process ends; where nothing can be made of `start`, which is a `PlayError`, say so."""
     try:
-        player = make()
+        player = make(start, send)
     except PlayError as error:
         send("fail", str(error))
         return

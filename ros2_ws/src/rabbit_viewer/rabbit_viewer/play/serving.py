@@ -7,7 +7,6 @@ ask waits in a queue, from which the player takes it between two ticks. The page
 import multiprocessing
 import os
 import queue
-import re
 import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -21,17 +20,16 @@ from typing import Any
 
 from pydantic import ValidationError
 from rabbit_common.child_process import end_with_parent
-from rabbit_common.options import fault
+from rabbit_description.validation import fault
 
 from rabbit_viewer.page.broadcast import Broadcast
 from rabbit_viewer.page.files import write_page
 from rabbit_viewer.page.server import PageServer, refused
 from rabbit_viewer.play.learning import learn
-from rabbit_viewer.play.messages import ASKED, Asked, Begin, Learned, Push, Set
-from rabbit_viewer.play.settings import PlayError, Start, plant_of
+from rabbit_viewer.play.messages import ASKED, Asked, Choose, Learned, Push
+from rabbit_viewer.play.settings import PlayError, PlaySettings, Start, plant_of
 
 BUSY = "the walk has not yet done what was asked before: ask again"
-INSIDE = re.compile(r"^(?:--)?\w+(?:\.settings)?\.(\w+)")  # where in a message a setting is
 FILM = ".mp4"
 MOST_WAITING = 100  # messages for the player
 ENDING_SECONDS = 0.7  # for a process to close what it has opened
@@ -39,32 +37,34 @@ SPAWN = multiprocessing.get_context("spawn")
 
 
 class Door:
-    """Checks what browsers ask, and hands it to `put`, which may raise `queue.Full`."""
+    """Hands what browsers ask to `put`, which may raise `queue.Full`, if it passes `check`; see `check_walk`."""
 
-    def __init__(self, start: Any, put: Callable[[Any], object]) -> None:
-        self._start, self._put = start, put
+    def __init__(self, check: Callable[[Asked], object], put: Callable[[Asked], object]) -> None:
+        self._check, self._put = check, put
 
     def __call__(self, message: str) -> str:
         """Empty, or why the message is refused."""
         try:
-            self._put(self.checked(message))
+            asked = ASKED.validate_json(message)
+            self._check(asked)
+            self._put(asked)
         except ValidationError as error:
-            return refused(INSIDE.sub(r"\1", fault(error)))
+            return refused(fault(error, equals=" "))
         except PlayError as error:
             return refused(error)
         except queue.Full:
             return BUSY
         return ""
 
-    def checked(self, message: str) -> Any:
-        """What is asked of a walk; raises `ValidationError`, `PlayError`."""
-        asked, plant = ASKED.validate_json(message), self._start.plant
-        if isinstance(asked, Set | Begin):
-            plant_of(plant, asked.settings)
-            self._start.check(asked.settings)
-        if isinstance(asked, Push) and plant.plant == "rigid":
-            raise PlayError("push: expected the plant pybullet or mujoco")
-        return asked
+
+def check_walk(start: Start, asked: Asked) -> None:
+    """Whether it can be asked of a walk; raises `ValidationError`, `PlayError`."""
+    if isinstance(asked, Choose):
+        settings = PlaySettings.model_validate(asked.settings)
+        plant_of(start.plant, settings)
+        start.check(settings)
+    if isinstance(asked, Push) and start.plant.plant == "rigid":
+        raise PlayError("push: expected the plant pybullet or mujoco")
 
 
 def serve_play(start: Start, port: int, opens_browser: bool) -> None:
@@ -72,11 +72,11 @@ def serve_play(start: Start, port: int, opens_browser: bool) -> None:
     with ExitStack() as stack:
         folder = Path(stack.enter_context(TemporaryDirectory(prefix="rabbit_play_"))) if start.learns else None
         beside = [(learn, start, folder)] if folder else []
-        serve(Door, play, start, port, opens_browser, beside)
+        serve(partial(check_walk, start), play, start, port, opens_browser, beside)
 
 
 def serve(
-    door: type[Door],
+    check: Callable[[Asked], object],
     player: Callable[..., None],
     start: Any,
     port: int,
@@ -85,8 +85,8 @@ def serve(
 ) -> None:
     """Play and serve until Ctrl-C or SIGTERM, or until the player has ended.
 
-    `player` is called in a process of its own with what it sends by, `start`, and what is asked, once the `door` has
-    checked it; so is each target of those `beside`, with its arguments.
+    `player` is called in a process of its own with what it sends by, `start`, and what is asked, if it passes `check`;
+    so is each target of those `beside`, with its arguments.
 
     Raises:
         PageError: the port is taken.
@@ -95,7 +95,7 @@ def serve(
     broadcast, wishes = Broadcast(), SPAWN.Queue(MOST_WAITING)
     wishes.cancel_join_thread()  # what the player has not taken at the end is lost
     with ExitStack() as stack:
-        page = PageServer(broadcast, door(start, wishes.put_nowait), port)
+        page = PageServer(broadcast, Door(check, wishes.put_nowait), port)
         stack.enter_context(closing(page))
         stack.enter_context(suppress(KeyboardInterrupt))
         playing = stack.enter_context(process(player, start, wishes))
@@ -148,9 +148,10 @@ def until_ended(server: int, target: Callable[..., None], channel: Connection, *
 
 def play(send: Callable[..., None], start: Start, wishes: "Queue[Asked | Learned]") -> None:
     """The player's process, which alone imports the engines."""
-    from rabbit_viewer.play.player import play
+    from rabbit_viewer.play import playing
+    from rabbit_viewer.play.player import Player
 
-    play(send, start, wishes)
+    playing.play(Player, send, start, wishes)
 
 
 def write_play(start: Start, path: Path) -> list[Path]:

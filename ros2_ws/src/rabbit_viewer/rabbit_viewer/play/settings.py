@@ -4,17 +4,18 @@ The parameters of the command line are beneath them: `plant_of(base, settings)` 
 walks. A field's `when` says whether a change acts at once or from the next reset.
 """
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, create_model
+from pydantic import BaseModel, Field, create_model
 from rabbit_sim.parameters import SimulationParameters, marked
 from rabbit_sim.perturbation import WHOLE_SUBSTEPS
 from rabbit_sim.plant import SUBSTEP_SECONDS
 from rl_cbf_clf_controller import kinds
 from rl_cbf_clf_controller.parameters import ControllerParameters, load_parameters
 
-NOBODY, YOURS, RECORDED = "none", "yours", "recording"
+from rabbit_viewer.page import Checked
+
+NOBODY, YOURS = "none", "yours"
 LEARNED_ROWS: dict[str, Any] = {"controller": "rl-cbf-clf-qp", "adaptation": "none"}
 IDENTIFIED = {**LEARNED_ROWS, "adaptation": "identification", "objective": "pd_centred", "gait": "paper_stones"}
 SHIPPED = "rl-cbf-clf-qp"  # policy
@@ -33,19 +34,13 @@ if TYPE_CHECKING:
     OtherChoice: TypeAlias = str
 else:  # and every controller that has an entry point
     Choice = Literal["best", "tuned", "learned", "nominal", "identified", "oracle", "l1", YOURS, *kinds.NAMES]
-    OtherChoice = Literal[NOBODY, RECORDED, *get_args(Choice)]
+    OtherChoice = Literal[NOBODY, *get_args(Choice)]
 SWAPPED_AT_ONCE = {"nominal", "learned", "oracle"}  # the same controller with another policy
 ROBOTS = ("first", "second")
 NOW: dict[str, Any] = {"when": "now"}
 DEFAULTS = {"mass_scale": 0.5, "motor_lag": 0.004}  # where they are not the plant's
 SEED = 40  # a course on which the second robot walks some stones, and then falls
 Number = Annotated[float, Field(allow_inf_nan=False)]
-
-
-class Checked(BaseModel):
-    """Exactly these fields."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 def shown(
@@ -114,24 +109,21 @@ class Yours(BaseModel):
 class Start(BaseModel):
     """What is played: the settings, and the parameters beneath them; `options` as they were typed.
 
-    `yours`: what the robot of that name has; `recording`: a run or a recording that walks beside.
+    `yours`: what the robot of that name has.
     """
 
     settings: PlaySettings
     plant: SimulationParameters
     controller: ControllerParameters
     yours: Yours | None = None
-    recording: Path | None = None
     learns: bool = False
     options: str = ""
 
     def check(self, settings: PlaySettings) -> None:
-        """Raise `PlayError` where a robot is chosen that this command was not given."""
+        """Raise `PlayError` where your robot is chosen, and this command was given none."""
         for title, name in (("controller", settings.first), ("on the same course", settings.second)):
             if name == YOURS and not self.yours:
                 raise PlayError(f"{title} yours: expected --controller, --policy or --parameters on the command line")
-            if name == RECORDED and not self.recording:
-                raise PlayError(f"{title} recording: expected --recording RUN on the command line")
 
 
 SHARED = SimulationParameters.model_fields.keys() & PlaySettings.model_fields.keys()
@@ -164,11 +156,10 @@ def controller_of(
 
 def controls(start: "Start | None" = None) -> list[dict[str, Any]]:
     """What the page shows of each setting, the robots first, see `described`."""
-    absent = {YOURS: not (start and start.yours), RECORDED: not (start and start.recording)}
     found = described(PlaySettings)
     for control in found:
-        if control["name"] in ROBOTS:
-            control["enum"] = [choice for choice in control["enum"] if not absent.get(choice)]
+        if control["name"] in ROBOTS and not (start and start.yours):
+            control["enum"].remove(YOURS)
     return sorted(found, key=lambda control: control["name"] not in ROBOTS)
 
 
