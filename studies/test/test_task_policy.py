@@ -11,7 +11,7 @@ from own_systems import TaskError
 from own_systems.commands.system import app as system
 from own_systems.episode import Rider
 from own_systems.loading import load_task
-from own_systems.recording import RideWriter, differing
+from own_systems.recording import differing, write_ride
 from rabbit_rivals import task_policy
 from rabbit_rivals.commands.rival import app as rival
 from rabbit_rivals.task_policy import BROKEN, PER_TICK, TaskVectorEnv
@@ -83,7 +83,7 @@ def test_a_trained_file_rides_in_the_same_evaluation_and_its_recording_replays(c
     rider = Rider(task)
     ride = rider.ride(rider.controlling(f"ppo:{out}"), 3)
     assert max(abs(m.u[0]) for m in ride.moments) <= 20.0
-    RideWriter(ride, tmp_path / "bag").write(None)
+    write_ride(ride, tmp_path / "bag", None)
     assert differing(task, tmp_path / "bag") == (len(ride.moments), [], 0.0)
     with pytest.raises(TaskError, match="trained for cart; this task is other"):
         Rider(replace(task, name="other")).controlling(f"ppo:{out}")

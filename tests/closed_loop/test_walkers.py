@@ -11,7 +11,7 @@ from cbf_clf_qp.functions import NumpyFunction
 from own_systems import ControlTask, Impact, TaskError
 from own_systems.episode import Rider
 from own_systems.loading import load_task
-from own_systems.recording import RideWriter, differing
+from own_systems.recording import differing, write_ride
 from own_systems.training import train
 from own_systems.walker import read_walker
 from rabbit_description import URDF_PATH
@@ -173,7 +173,7 @@ def test_no_transition_spans_an_impact_and_the_oracles_estimates_are_what_is_mea
 def test_a_walk_is_recorded_and_replayed_to_the_bit(walker, tmp_path):
     task = replace(walker.task, impacts=5)
     ride = Rider(task).ride("oracle", 3)
-    RideWriter(ride, tmp_path / "bag").write(None)
+    write_ride(ride, tmp_path / "bag", None)
     (episode,) = contents(tmp_path / "bag").episodes
     assert (episode.recorded, episode.lost, episode.outcome) == (len(ride.moments), 0, "done")
     assert differing(task, tmp_path / "bag") == (len(ride.moments), [], 0.0)

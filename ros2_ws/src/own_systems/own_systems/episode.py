@@ -62,6 +62,11 @@ class Ride:
         return f"{self.task.name}, {self.controller}, seed {self.seed}: {self.outcome}"
 
     @property
+    def has_qp(self) -> bool:
+        """Whether its controller solves a QP."""
+        return any(moment.decided is not None for moment in self.moments)
+
+    @property
     def margins(self) -> Array:
         """Of each barrier over the ride, in its unit; -inf after a failure."""
         if self.outcome != "done":

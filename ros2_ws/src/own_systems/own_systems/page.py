@@ -38,11 +38,16 @@ class RideRows:
         shapes = [f"shape{i}" for i in range(most)]
         self.columns = [*COMMON, "V", *self._barriers, *self._inputs, *of_rows, *shapes]
 
-    def about(self, name: str, title: str, has_qp: bool = True) -> dict[str, Any]:
-        """Of one controller's rides; without a QP there is less to plot."""
+    def about(self, name: str, title: str, has_qp: bool) -> dict[str, Any]:
+        """Of one controller's rides."""
+        known = {"name": name, "title": title, "columns": self.columns, "quantities": [], "barriers": self._barriers}
+        return {**known, "panels": self.panels(has_qp), "shapes": self._most}
+
+    def panels(self, has_qp: bool) -> list[dict[str, Any]]:
+        """What is plotted together: a title, columns, limits; without a QP there is less."""
         limits = [] if self.task.limit is None else [-self.task.limit, self.task.limit]
         slacks = [f"slack_{self._rows[i]}" for i in range(len(self._rows)) if not self._is_limit(i)]
-        panels = [
+        panels: list[dict[str, Any]] = [
             {"title": "barriers B", "columns": self._barriers, "limits": [0]},
             {"title": "input u", "columns": self._inputs, "limits": limits},
             {"title": "V", "columns": ["V"] if "V" in self.task.tick.names else [], "log": True},
@@ -50,8 +55,7 @@ class RideRows:
             {"title": "what a row leaves", "of": "row", "columns": ["margin", "active"], "limits": [0]},
             {"title": "what it costs", "of": "row", "columns": ["multiplier"]},
         ]
-        known = {"name": name, "title": title, "columns": self.columns, "quantities": [], "barriers": self._barriers}
-        return {**known, "panels": panels if has_qp else panels[:2], "shapes": self._most}
+        return panels if has_qp else panels[:2]
 
     def _is_limit(self, i: int) -> bool:
         return bool(self._places[i][0] >= len(self.task.tick.layout.names) - self.task.tick.limits)
@@ -100,9 +104,7 @@ def show(ride: Ride, port: int, opens_browser: bool, export: Path | None) -> Non
     rows = RideRows(task, max(len(numbers_of(pictured(task, m.x, m.p))) for m in ride.moments))
     about = {"mode": "recording", "title": ride.title, "tick_seconds": task.seconds}
     about |= {} if export else {"explains": True}
-    broadcast.begin(
-        {**about, "walkers": [rows.about(ride.controller, ride.title, any(m.decided for m in ride.moments))]}
-    )
+    broadcast.begin({**about, "walkers": [rows.about(ride.controller, ride.title, ride.has_qp)]})
     broadcast.add(packed([number for k, moment in enumerate(ride.moments) for number in rows.row(k, moment)]))
     broadcast.say("ended", {"walkers": [ended_of(ride)]})
     serve_or_write(broadcast, lambda tick: explained(ride, tick)[1], port, opens_browser, export)

@@ -25,58 +25,54 @@ from own_systems.task import ControlTask
 
 RUNNING, ENDED = 1, 3  # phases of rabbit_msgs/Episode
 FOREVER = QosTime(9223372036, 854775807)
-LATCHED = {"episode": "Episode", "policy_swap": "PolicySwap", "controller_settings": "ControllerSettings"}
-BY_TICK = {
+KINDS = {
+    **{"episode": "Episode", "policy_swap": "PolicySwap", "controller_settings": "ControllerSettings"},
     **{"state": "RobotState", "parameters": "TaskParameters", "torque": "TorqueCommand"},
     **{"controller_state": "ControllerState", "learner_terms": "LearnerTerms"},
 }
+LATCHED = ("episode", "policy_swap", "controller_settings")
 ZERO = {"float64": 0.0, "uint8": 0, "uint32": 0, "uint64": 0, "bool": False, "string": ""}
 
 
-class RideWriter:
-    """Writes the messages of one ride, its only episode; raises `RecordingError`."""
+def write_ride(ride: Ride, path: Path, policy: ActorPolicy | None) -> None:
+    """Write the messages of a ride, its only episode; `policy`: what rode, of a learned controller.
 
-    def __init__(self, ride: Ride, path: Path) -> None:
-        self._ride, self._types = ride, graph_types([sourced_share("rabbit_msgs")])
-        self._bag = BagWriter(path, self._types)
-        for topics, latched in ((LATCHED, True), (BY_TICK, False)):
-            for topic, kind in topics.items():
-                self._bag.add(f"/{topic}", f"rabbit_msgs/msg/{kind}", [offered(latched)])
+    Raises `RecordingError`.
+    """
+    task, types = ride.task, graph_types([sourced_share("rabbit_msgs")])
+    bag = BagWriter(path, types)
+    for topic, kind in KINDS.items():
+        bag.add(f"/{topic}", f"rabbit_msgs/msg/{kind}", [offered(topic in LATCHED)])
 
-    def write(self, policy: ActorPolicy | None) -> None:
-        """All of it; `policy`: what rode, of a learned controller."""
-        ride, task = self._ride, self._ride.task
-        about = {"task": task.name, "controller": ride.controller, "seconds": task.seconds, "nominal": task.nominal}
-        self._add("controller_settings", 0, parameters=json.dumps(about))
-        if policy:
-            data = np.frombuffer(policy.file.encode(), np.uint8)
-            self._add("policy_swap", 0, version=policy.version, accepted=True, data=data)
-        episode = {"seed": ride.seed, "controller": ride.controller, "sigma": 0.0, "tick_seconds": task.seconds}
-        episode |= fields.layout_fields(task)
-        self._add("episode", 0, phase=RUNNING, **episode)
-        applied = np.full(len(task.names_of_u), np.nan)
-        for k, moment in enumerate(ride.moments):
-            self._add("state", k, **fields.state_fields(task, moment.x, applied, moment.impacts))
-            self._add("parameters", k, **fields.parameter_fields(task, moment.p))
-            self._add("torque", k, torque=doubles(moment.u), policy_version=ride.controller)
-            self._add("controller_state", k, **fields.controller_fields(task, moment, ride.controller))
-            if moment.decided is not None:
-                self._add("learner_terms", k, **fields.terms_fields(task, moment))
-            applied = moment.u
-        self._add("episode", len(ride.moments), phase=ENDED, outcome=ride.outcome, touchdowns=ride.impacts, **episode)
-        self._bag.close()
-
-    def _add(self, topic: str, tick: int, **given: Any) -> None:
+    def add(topic: str, tick: int, **given: Any) -> None:
         """One message; what is not given is empty or 0."""
-        kind, at = f"rabbit_msgs/msg/{({**LATCHED, **BY_TICK})[topic]}", round(tick * self._ride.task.seconds * 1e9)
-        stamp = self._types.types["builtin_interfaces/msg/Time"](*divmod(at, 10**9))
-        header = self._types.types["std_msgs/msg/Header"](stamp, "")
-        known = {"header": header, "episode": 1, "tick": tick, "sender": self._ride.controller, **given}
-        forms = self._types.fielddefs[kind][1]
-        values = {name: known[name] if name in known else empty(form) for name, form in forms}
+        kind, at = f"rabbit_msgs/msg/{KINDS[topic]}", round(tick * task.seconds * 1e9)
+        stamp = types.types["builtin_interfaces/msg/Time"](*divmod(at, 10**9))
+        header = types.types["std_msgs/msg/Header"](stamp, "")
+        known = {"header": header, "episode": 1, "tick": tick, "sender": ride.controller, **given}
+        values = {name: known[name] if name in known else empty(form) for name, form in types.fielddefs[kind][1]}
         values = {name: np.array(value) if isinstance(value, array) else value for name, value in values.items()}
-        data = self._types.serialize_cdr(self._types.types[kind](**values), kind)
-        self._bag.write(f"/{topic}", at, bytes(data))
+        bag.write(f"/{topic}", at, bytes(types.serialize_cdr(types.types[kind](**values), kind)))
+
+    about = {"task": task.name, "controller": ride.controller, "seconds": task.seconds, "nominal": task.nominal}
+    add("controller_settings", 0, parameters=json.dumps(about))
+    if policy:
+        data = np.frombuffer(policy.file.encode(), np.uint8)
+        add("policy_swap", 0, version=policy.version, accepted=True, data=data)
+    episode = {"seed": ride.seed, "controller": ride.controller, "sigma": 0.0, "tick_seconds": task.seconds}
+    episode |= fields.layout_fields(task)
+    add("episode", 0, phase=RUNNING, **episode)
+    applied = np.full(len(task.names_of_u), np.nan)
+    for k, moment in enumerate(ride.moments):
+        add("state", k, **fields.state_fields(task, moment.x, applied, moment.impacts))
+        add("parameters", k, **fields.parameter_fields(task, moment.p))
+        add("torque", k, torque=doubles(moment.u), policy_version=ride.controller)
+        add("controller_state", k, **fields.controller_fields(task, moment, ride.controller))
+        if moment.decided is not None:
+            add("learner_terms", k, **fields.terms_fields(task, moment))
+        applied = moment.u
+    add("episode", len(ride.moments), phase=ENDED, outcome=ride.outcome, touchdowns=ride.impacts, **episode)
+    bag.close()
 
 
 def empty(form: Any) -> Any:

@@ -18,7 +18,7 @@ from own_systems import ControlTask, TaskError, recording
 from own_systems.commands.system import app
 from own_systems.episode import Rider
 from own_systems.loading import load_task
-from own_systems.recording import RideWriter, differing, recorded_ride
+from own_systems.recording import differing, recorded_ride, write_ride
 from own_systems.training import measured_problem, train, write
 from rabbit_recording import RecordingError
 from rabbit_recording.commands.bag import app as bag_app
@@ -146,7 +146,7 @@ def test_training_finds_the_error_and_keeps_the_barrier(task, tmp_path):
     with pytest.raises(TaskError, match="trained for cart; this task is other"):
         Rider(replace(task, name="other")).controlling(str(path))
     ride = again.ride(again.controlling(str(path)), 5)
-    RideWriter(ride, tmp_path / "bag").write(policy)
+    write_ride(ride, tmp_path / "bag", policy)
     assert differing(task, tmp_path / "bag") == (300, [], 0.0)
     assert contents(tmp_path / "bag").episodes[0].policies == [policy.version]
 
@@ -155,20 +155,20 @@ def test_training_finds_the_error_and_keeps_the_barrier(task, tmp_path):
 def test_a_recording_replays_to_the_bit_and_a_changed_one_is_found(task, tmp_path, controller):
     task = replace(task, controllers={"own": lambda x, p: [p[1] - x[0] - x[1]]})
     ride = Rider(task).ride(controller, 3)
-    RideWriter(ride, tmp_path / "bag").write(None)
+    write_ride(ride, tmp_path / "bag", None)
     (episode,) = contents(tmp_path / "bag").episodes
     assert (episode.recorded, episode.lost, episode.seed, episode.outcome) == (300, 0, 3, "done")
     assert differing(task, tmp_path / "bag") == (300, [], 0.0)
     moment = ride.moments[17]
     ride.moments[17] = replace(moment, u=np.nextafter(moment.u, 100))
-    RideWriter(ride, tmp_path / "changed").write(None)
+    write_ride(ride, tmp_path / "changed", None)
     count, wrong, furthest = differing(task, tmp_path / "changed")
     assert (count, wrong) == (300, [17])
     assert furthest > 0
 
 
 def test_a_recorder_may_have_heard_the_topics_of_a_tick_in_any_order(task, tmp_path, monkeypatch):
-    RideWriter(Rider(task).ride("oracle", 3), tmp_path / "bag").write(None)
+    write_ride(Rider(task).ride("oracle", 3), tmp_path / "bag", None)
     whole = list(recording.messages(tmp_path / "bag", "episode", "policy_swap", "state", "parameters", "torque"))
     shuffled = [whole[i] for i in np.random.default_rng(1).permutation(len(whole))]
     monkeypatch.setattr(recording, "messages", lambda path, *names: iter(shuffled))
@@ -176,7 +176,7 @@ def test_a_recorder_may_have_heard_the_topics_of_a_tick_in_any_order(task, tmp_p
 
 
 def test_a_recording_of_another_system_is_refused(task, tmp_path):
-    RideWriter(Rider(task).ride("nominal", 3), tmp_path / "bag").write(None)
+    write_ride(Rider(task).ride("nominal", 3), tmp_path / "bag", None)
     other = replace(task, name="lift", coordinates=("height",))
     with pytest.raises(RecordingError, match="of another system, with x, u1; not of lift"):
         differing(other, tmp_path / "bag")
@@ -185,14 +185,14 @@ def test_a_recording_of_another_system_is_refused(task, tmp_path):
 @pytest.mark.parametrize("seconds", [0.005, 1 / 300, 0.02])
 def test_no_tick_counts_as_lost_however_long_it_is(task, seconds, tmp_path):
     ride = Rider(replace(task, seconds=seconds)).ride("nominal", 1)
-    RideWriter(ride, tmp_path / "bag").write(None)
+    write_ride(ride, tmp_path / "bag", None)
     (episode,) = contents(tmp_path / "bag").episodes
     assert (episode.recorded, episode.lost) == (len(ride.moments), 0)
 
 
 def test_a_recorded_ride_is_the_ride(task, tmp_path):
     ridden = Rider(task).ride("oracle", 3)
-    RideWriter(ridden, tmp_path / "bag").write(None)
+    write_ride(ridden, tmp_path / "bag", None)
     again = recorded_ride(task, tmp_path / "bag")
     assert (again.seed, again.outcome, again.controller) == (3, "done", "oracle")
     for name in ("x", "u", "p", "barriers", "time"):

@@ -160,7 +160,7 @@ def ride(
     from rl_cbf_clf_controller.policy import ActorPolicy
 
     from own_systems.episode import Rider
-    from own_systems.recording import RideWriter
+    from own_systems.recording import write_ride
 
     rider = Rider(loaded)
     with complaints(ValueError):
@@ -168,8 +168,7 @@ def ride(
     folder = own_folder(out, "system ride")
     ridden = rider.ride(controlling, seed)
     with complaints(LaunchError, RecordingError, OSError):
-        made = RideWriter(ridden, folder / "recording")
-        made.write(controlling if isinstance(controlling, ActorPolicy) else None)
+        write_ride(ridden, folder / "recording", controlling if isinstance(controlling, ActorPolicy) else None)
         print(f"{ridden.outcome}, kept: {'yes' if ridden.is_kept else 'no'}, {len(ridden.moments)} ticks")
         print(folder / "recording")
     draw_all(ridden, folder)
