@@ -98,21 +98,22 @@ def message(episode: int, tick: int) -> bytes:
 
 
 def test_parts_of_different_ticks_are_not_mixed() -> None:
-    ticks = NewestTicks("a", "b")
-    ticks.add("a", message(1, 7))
-    ticks.add("b", message(1, 8))
-    assert ticks.key is None
-    ticks.add("a", message(1, 8))
-    assert ticks.key == (1, 8)
-    assert ticks.parts == {"a": message(1, 8), "b": message(1, 8)}
-    assert not ticks.earlier
-    for part in "ab":
-        ticks.add(part, message(1, 9))
-    assert ticks.earlier == [{"a": message(1, 8), "b": message(1, 8)}]
-    ticks.add("a", b"short")
-    for tick in range(100, 110 + KEPT):
-        ticks.add("a", message(1, tick))
-    ticks.add("b", message(1, 100))  # forgotten by then
-    assert ticks.key == (1, 9)
+    ticks = NewestTicks()
+
+    def take(*messages: tuple[str, bytes]) -> list[dict[str, bytes]]:
+        return ticks.take(messages, {"a", "b"})
+
+    assert not take(("a", message(1, 7)), ("b", message(1, 8)))
+    assert not ticks.parts
+    eighth = {"a": message(1, 8), "b": message(1, 8)}
+    assert take(("a", message(1, 8))) == [eighth]
+    assert ticks.parts == eighth
+    assert not take(*eighth.items())  # said again
+    ninth, tenth = ({part: message(1, tick) for part in "ab"} for tick in (9, 10))
+    assert take(*ninth.items(), *tenth.items()) == [ninth, tenth]
+    assert not take(("a", b"short"))
+    late = [("a", message(1, tick)) for tick in range(100, 110 + KEPT)]
+    assert not take(*late, ("b", message(1, 100)))  # forgotten by then
+    assert ticks.parts == tenth
     ticks.clear()
-    assert ticks.key is None
+    assert not ticks.parts

@@ -2,7 +2,6 @@
 
 import importlib.util
 from pathlib import Path
-from typing import Any
 
 from rabbit_description import plugins
 
@@ -23,7 +22,9 @@ def load_task(source: str) -> ControlTask:
             found = plugins.load(GROUP, source)
         except LookupError as error:
             raise TaskError(f"{error}; or a file that ends in .py or .yaml") from error
-        return _checked(found, source)
+        if not isinstance(found, ControlTask):
+            raise TaskError(f"{GROUP} {source}: expected a ControlTask, found {found!r}")
+        return found
     if not path.is_file():
         raise TaskError(f"{source}: no such file")
     if path.suffix == ".yaml":
@@ -37,9 +38,3 @@ def load_task(source: str) -> ControlTask:
     if len(tasks) != 1:
         raise TaskError(f"{source}: {len(tasks)} objects of ControlTask; expected one")
     return tasks[0]
-
-
-def _checked(found: Any, source: str) -> ControlTask:
-    if not isinstance(found, ControlTask):
-        raise TaskError(f"{GROUP} {source}: expected a ControlTask, found {found!r}")
-    return found

@@ -13,8 +13,7 @@ from rabbit_viewer.page.rows import EVENTS, packed
 from rl_cbf_clf_controller.explanation import Explanation, changes, explain
 
 from own_systems.episode import Moment, Ride
-from own_systems.shapes import Line, Shape
-from own_systems.task import ControlTask
+from own_systems.task import ControlTask, Line, Shape
 
 OF_A_ROW = ("margin", "active", "slack", "multiplier")  # of the QP
 COMMON = ("tick", "running", "events", "touchdowns")  # of all that the page shows

@@ -12,8 +12,7 @@ from rabbit_viewer.video import FRAME_RATE, encode
 
 from own_systems.episode import Moment, Ride
 from own_systems.page import RideRows, pictured
-from own_systems.shapes import Line, Shape
-from own_systems.task import ControlTask
+from own_systems.task import ControlTask, Line, Shape
 
 COLOURS = (style.BLUE, style.ORANGE, style.GREEN, style.PURPLE, style.SKY)
 FILM_INCHES, FILM_DPI, FILM_SECONDS = 6.4, 100, 12.0

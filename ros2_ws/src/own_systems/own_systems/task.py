@@ -30,8 +30,6 @@ from cbf_clf_qp.system import System
 from cbf_clf_qp.tick import Tick
 from scipy.optimize import brentq
 
-from own_systems.shapes import Shape
-
 SUBSTEP = 0.001  # s, of the plant's integration, at most
 EVENT_TOLERANCE = 1e-13  # s, of an impact
 Commands = Callable[[float], Mapping[str, float]]
@@ -40,6 +38,27 @@ OwnController = Callable[[Array, Array], Array]
 
 class TaskError(ValueError):
     """A task whose parts do not fit together, or a file without one; the message is one line."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """In a picture: through `points` (k, 2), m, as wide as so many points of a page."""
+
+    points: Array
+    colour: str = "black"
+    width: float = 3.0
+
+
+@dataclass(frozen=True)
+class Disc:
+    """In a picture: around `centre` (2,), m, of a radius, m."""
+
+    centre: Array
+    radius: float
+    colour: str = "tab:red"
+
+
+Shape = Line | Disc
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,8 +30,7 @@ from rl_cbf_clf_controller.robot_numbers import read_robot
 from rl_cbf_clf_controller.step_paths import StepPath
 from rl_cbf_clf_controller.virtual_constraints import Angles, OutputExpressions, VirtualConstraints
 
-from own_systems.shapes import Disc, Line, Shape
-from own_systems.task import ControlTask, Impact, TaskError
+from own_systems.task import ControlTask, Disc, Impact, Line, Shape, TaskError
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]

@@ -1,6 +1,7 @@
 """The newest ticks of a graph, put together of messages that stay bytes until a picture is due."""
 
 from collections.abc import Iterable
+from collections.abc import Set as AbstractSet
 
 from rabbit_common.message_checks import Refused, check_finite, check_lengths
 from rabbit_common.ros.checked_node import decoded
@@ -13,42 +14,38 @@ KEPT = 16  # ticks that wait for their last part
 
 
 class NewestTicks:
-    """The newest ticks of which there is a message on each of `topics`; all begin with header, episode, tick.
+    """The newest ticks of which there is a message on each of some topics; all begin with header, episode, tick.
 
-    `topics` may change: a controller of another kind publishes fewer.
-    `parts`: of tick `key` (episode, tick), the newest; `earlier`: of the ticks since the last `take`, the oldest first.
+    `parts`: of the newest tick, by topic.
     """
 
-    def __init__(self, *topics: str) -> None:
-        self.topics = frozenset(topics)
+    def __init__(self) -> None:
         self.clear()
 
     def clear(self) -> None:
         """Forget all."""
         self._waiting: dict[tuple[int, int], dict[str, bytes]] = {}
-        self.key: tuple[int, int] | None = None  # episode, tick
+        self._key: tuple[int, int] | None = None  # of the newest: episode, tick
         self.parts: dict[str, bytes] = {}
-        self.earlier: list[dict[str, bytes]] = []
 
-    def take(self, messages: Iterable[tuple[str, bytes]]) -> None:
-        """Take what waits: topics and serialised messages."""
-        self.earlier, shown = [], self.key
+    def take(self, messages: Iterable[tuple[str, bytes]], topics: AbstractSet[str]) -> list[dict[str, bytes]]:
+        """The ticks that are whole with these serialised messages, by topic, the oldest first.
+
+        `topics` may change: a controller of another kind publishes fewer.
+        """
+        whole = []
         for topic, data in messages:
-            self.add(topic, data)
-        if shown is not None and self.earlier:
-            self.earlier.pop(0)  # the newest of the last time
-
-    def add(self, topic: str, data: bytes) -> None:
-        """Take a serialised message."""
-        key = turn_of(data)
-        parts = self._waiting.setdefault(key, {})
-        parts[topic] = data
-        if self.topics <= parts.keys():
-            if self.parts:
-                self.earlier.append(self.parts)
-            self.key, self.parts = key, self._waiting.pop(key)
-        elif len(self._waiting) > KEPT:
-            del self._waiting[next(iter(self._waiting))]
+            key = turn_of(data)
+            parts = self._waiting.setdefault(key, {})
+            parts[topic] = data
+            if topics <= parts.keys():
+                del self._waiting[key]
+                if key != self._key:  # a simulator that waits says its state again
+                    whole.append(parts)
+                self._key, self.parts = key, parts
+            elif len(self._waiting) > KEPT:
+                del self._waiting[next(iter(self._waiting))]
+        return whole
 
 
 def checked_tick(parts: dict[str, bytes]) -> tuple[RobotState, ControllerState | None, LearnerTerms | None]:

@@ -8,6 +8,7 @@ is hardly slower for it. A viewer may come late, and stay while graphs come and 
 
 import os
 import time
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -24,17 +25,20 @@ from rabbit_common.ros.waiting_messages import WaitingMessages
 from rabbit_description.state import RobotState, StonePreview
 from rabbit_experiments.walk_records import drawn_parameters
 from rabbit_msgs import msg
+from rabbit_msgs.srv import LoadPolicy, ResetEpisode
+from rclpy.task import Future
 from rl_cbf_clf_controller.message_fields import output_of
 from rl_cbf_clf_controller.parameters import ControllerParameters
+from std_srvs.srv import SetBool
 
-from rabbit_viewer.live.graph_page import GraphPage
+from rabbit_viewer.live.graph_page import Asked, GraphPage
 from rabbit_viewer.live.parameters import ViewerParameters
 from rabbit_viewer.page import PageError
-from rabbit_viewer.ros.graph_services import GraphServices
 from rabbit_viewer.ros.newest_ticks import TICK_TOPICS, NewestTicks, checked_tick
 from rabbit_viewer.ros.rviz import RvizTopics
 
 PHASES = {getattr(msg.Episode, name.upper()): name for name in ("waiting", "running", "paused", "ended")}
+SERVICES = {"pause": ("pause", SetBool), "reset": ("reset_episode", ResetEpisode), "load": ("load_policy", LoadPolicy)}
 PICTURE_SECONDS = 1 / 30  # of the wall clock, from one picture to the next
 MOST_CONTROLLERS = 8  # whose parameters are kept
 AGAIN_SECONDS = 0.3  # without a new tick, after which the last one is shown again: somebody may just have come
@@ -49,16 +53,17 @@ class ViewerNode(CheckedNode):
         refuse_unknown(self)
         # first, since it takes the middleware up to 0.1 s to find the graph
         self._waiting_messages = WaitingMessages(self, TICK_TOPICS)
-        self._ticks = NewestTicks(*TICK_TOPICS)
+        self._ticks = NewestTicks()
         self._page = GraphPage(own.port, own.control, own.host)
         self._page.page.announce(own.browser)
         self.failure = ""  # what ends the node
         self._rviz = RvizTopics(self)
-        self._graph_services = GraphServices(self, self._page.note) if own.control else None
+        services = SERVICES.values() if own.control else ()
+        self._services: dict[str, Any] = {name: self.create_client(kind, name) for name, kind in services}
         self._episode = msg.Episode()
         self._previews: dict[int, StonePreview] = {}  # of this episode, by stone
         self._drawn: dict[str, dict[str, Any]] = {}  # parameters that the page draws, by controller, the newest last
-        self._shown: tuple[Any, float] = (None, 0.0)
+        self._shown_at = 0.0
         self._patience = (time.monotonic() + own.wait, own.wait)
         self._hear(msg.Episode, "episode", self._on_episode, EVENT)
         self._hear(msg.StonePreview, "preview", self._on_preview, EVENT)
@@ -116,29 +121,27 @@ class ViewerNode(CheckedNode):
 
     def _look(self) -> None:
         """Show the newest ticks if there are new ones, or the last again now and then."""
-        while self._graph_services and not self._page.asked.empty():
-            self._graph_services.ask(self._page.asked.get())
-        self._ticks.topics = frozenset(name for name in TICK_TOPICS if name == "state" or self.count_publishers(name))
-        self._ticks.take(self._waiting_messages.take())
+        while not self._page.asked.empty():
+            self._ask(self._page.asked.get())
+        topics = {name for name in TICK_TOPICS if name == "state" or self.count_publishers(name)}
+        new = self._ticks.take(self._waiting_messages.take(), topics)
         now = time.monotonic()
         until, wait = self._patience
-        if self._ticks.key is None and not self._episode.stones:
+        if not self._ticks.parts and not self._episode.stones:
             if wait and now > until and not self.count_publishers("state"):
                 where = self.get_namespace()
                 self.failure = f"no graph in namespace {where} after {wait:g} s; start one with `rabbit walk`"
             return
-        key, at = self._shown
-        is_new = self._ticks.key != key
-        if self._ticks.key is not None and (is_new or now - at > AGAIN_SECONDS):
-            self._shown = (self._ticks.key, now)
+        if self._ticks.parts and (new or now - self._shown_at > AGAIN_SECONDS):
+            self._shown_at = now
             try:
-                self._show(is_new)
+                self._show(new)
             except Refused as error:
                 self._refuse("tick", error)
 
-    def _show(self, is_new: bool) -> None:
-        if is_new and self._page.page.is_watched:
-            for parts in (*self._ticks.earlier, self._ticks.parts):
+    def _show(self, new: list[dict[str, bytes]]) -> None:
+        if self._page.page.is_watched:
+            for parts in new:
                 self._show_row(parts)
         if self._rviz.is_watched:
             state, *_ = self._checked(self._ticks.parts)
@@ -170,6 +173,21 @@ class ViewerNode(CheckedNode):
 
     def _ahead(self, state: Any) -> StonePreview | None:
         return self._previews.get(state.touchdowns + 1) if state.previewed else None
+
+    def _ask(self, asked: Asked) -> None:
+        """Pass on what a browser asks; the answer comes later."""
+        name, kind = SERVICES[asked.do]
+        client = self._services[name]
+        if client.service_is_ready():
+            request = kind.Request(**asked.model_dump(exclude={"do"}, by_alias=True))
+            client.call_async(request).add_done_callback(partial(self._on_answer, name))
+        else:
+            self._page.note(f"{name}: no such service in this graph")
+
+    def _on_answer(self, name: str, answer: Future) -> None:
+        response: Any = answer.result()
+        word = "accepted" if response.success else "refused"
+        self._page.note(f"{name}: {word}{f', {response.message}' if response.message else ''}")
 
     def _status(self) -> Status:
         return OK, "serving", {"address": self._page.page.address, "watched": self._page.page.is_watched}
