@@ -228,12 +228,15 @@ def test_your_own_controller_barrier_and_policy_walk_on_the_page(
         assert served.end() == 0
     shipped = files("rl_cbf_clf_controller") / "policies" / "rl-cbf-clf-qp.safetensors"
     (tmp_path / "mine.safetensors").write_bytes(shipped.read_bytes())
-    mine = ("--policy", str(tmp_path / "mine.safetensors"), "--second", "oracle", "--mass-scale", "2")
-    served = Served("play", *mine, "--stones", "3")
+    run = tmp_path / "run"
+    evaluate = [*RABBIT, "evaluate", "--runs", "1", "--stones", "3", "--pictures", "--out", str(run)]
+    subprocess.run(evaluate, check=True, timeout=300, stdout=subprocess.DEVNULL)
+    beside = ("--policy", str(tmp_path / "mine.safetensors"), "--recording", str(run), "--mass-scale", "2")
+    served = Served("play", *beside, "--stones", "3")
     try:
         page = chromium.open(served.address)
         page.wait("rabbit.state.ended[0]?.outcome === 'walked' && rabbit.state.ended[1]?.outcome === 'walked'")
-        assert page.look("rabbit.state.walk.walkers.map(({about}) => about.name)") == ["yours", "oracle"]
+        assert page.look("rabbit.state.walk.walkers.map(({about}) => about.name)") == ["yours", "recording"]
         check_requests(page)
     finally:
         assert served.end() == 0

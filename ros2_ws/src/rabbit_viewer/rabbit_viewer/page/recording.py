@@ -82,15 +82,29 @@ class Explainer:
 
 def fill(broadcast: Broadcast, walk: WalkRecords, name: str, explains: bool = False) -> None:
     """Tell all of a walk; `explains`: its ticks can be explained."""
-    said = walk.about
-    quantities = said.get("quantities", [f"quantity {i + 1}" for i in range(walk.nominal_b.shape[1])])
-    maker = RowMaker(said, quantities, walk.barrier_names)
-    about = {"mode": "recording", "title": str(said.get("title", name)), "tick_seconds": TICK_SECONDS}
-    about |= {"stones": said.get("stones"), "walkers": [maker.about(str(said.get("controller", name)))]}
-    broadcast.begin(about | ({"explains": True} if explains else {}))
-    broadcast.add(packed([number for tick in ticks(walk) for number in maker.row(tick, tick)]))
-    ended = {"outcome": str(said.get("outcome") or "not recorded to its end"), "stones": int(walk.touchdowns[-1])}
-    broadcast.say("ended", {"walkers": [ended]})
+    maker = maker_of(walk)
+    about: dict[str, Any] = {
+        "mode": "recording",
+        "title": str(walk.about.get("title", name)),
+        "tick_seconds": TICK_SECONDS,
+    }
+    walker = maker.about(str(walk.about.get("controller", name)))
+    about |= {"explains": True} if explains else {}
+    broadcast.begin({**about, "stones": walk.about.get("stones"), "walkers": [walker]})
+    rows = [number for tick in ticks(walk) for number in maker.row(tick, tick)]
+    broadcast.add(packed(rows))
+    broadcast.say("ended", {"walkers": [ended_of(walk)]})
+
+
+def maker_of(walk: WalkRecords) -> RowMaker:
+    """What makes the rows of its ticks."""
+    quantities = walk.about.get("quantities", [f"quantity {i + 1}" for i in range(walk.nominal_b.shape[1])])
+    return RowMaker(walk.about, quantities, walk.barrier_names)
+
+
+def ended_of(walk: WalkRecords) -> dict[str, Any]:
+    """How it ended, and the stones walked."""
+    return {"outcome": str(walk.about.get("outcome") or "not recorded to its end"), "stones": int(walk.touchdowns[-1])}
 
 
 def ticks(walk: WalkRecords) -> list[Any]:

@@ -5,14 +5,19 @@ from typing import Any
 from rabbit_description.gait import GaitError
 from rabbit_description.state import TICK_SECONDS
 from rabbit_experiments.assembly import AssemblyError
+from rabbit_experiments.walk_records import RecordsError
+from rabbit_recording import RecordingError
+from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.stones import CourseError
 from rl_cbf_clf_controller.weights import PolicyFileError
 
 from rabbit_viewer.play import playing
 from rabbit_viewer.play.messages import Learned
+from rabbit_viewer.play.recorded_walker import RecordedWalker
 from rabbit_viewer.play.settings import (
     NOBODY,
     PLANT_AT_ONCE,
+    RECORDED,
     ROBOTS,
     SHIPPED,
     PlayError,
@@ -29,9 +34,9 @@ class Player(playing.Playing):
     """Of a walk, see `Playing`."""
 
     tick_seconds = TICK_SECONDS
-    unusable = (GaitError, CourseError, PolicyFileError, AssemblyError)
+    unusable = (GaitError, CourseError, PolicyFileError, AssemblyError, RecordsError, RecordingError)
     model = PlaySettings
-    walkers: list[Walker]
+    walkers: list[Walker | RecordedWalker]
 
     def __init__(self, start: Start, send: playing.Send) -> None:
         """Raises `PlayError`."""
@@ -43,11 +48,11 @@ class Player(playing.Playing):
             option = f"--{error.option} " if isinstance(error, AssemblyError) else ""
             raise PlayError(f"{option}{error}") from error
 
-    def made(self, settings: PlaySettings) -> tuple[list[Walker], dict[str, Any]]:
+    def made(self, settings: PlaySettings) -> tuple[list[Walker | RecordedWalker], dict[str, Any]]:
         """See `Playing`."""
         plant = plant_of(self._start.plant, settings)
         names = [name for name in (settings.first, settings.second) if name != NOBODY]
-        walkers = [Walker(name, self._start, plant, settings.seed, self._learned) for name in names]
+        walkers = [self._walker(name, plant, settings.seed) for name in names]
         about = {
             "title": f"course {settings.seed}",
             "stones": plant.stones,
@@ -60,23 +65,28 @@ class Player(playing.Playing):
         }
         return walkers, about
 
+    def _walker(self, name: str, plant: SimulationParameters, seed: int) -> Walker | RecordedWalker:
+        if name == RECORDED and self._start.recording:
+            return RecordedWalker(self._start.recording)
+        return Walker(name, self._start, plant, seed, self._learned)
+
     @property
     def robots(self) -> dict[str, Walker]:
-        """By the setting that chose them."""
-        return dict(zip(ROBOTS, self.walkers, strict=False))
+        """Those that are simulated, by the setting that chose them: not what was recorded."""
+        return {name: each for name, each in zip(ROBOTS, self.walkers, strict=False) if isinstance(each, Walker)}
 
     def close(self) -> None:
         """Give back the plants."""
-        for walker in self.walkers:
-            walker.close()
+        for robot in self.robots.values():
+            robot.close()
 
     def do(self, asked: Any) -> None:
         """A push, or a policy that was learned."""
         if isinstance(asked, Learned):
             self._load(asked.path)
         elif asked.do == "push":
-            for walker in self.walkers:
-                walker.push(asked.force, asked.seconds)
+            for robot in self.robots.values():
+                robot.push(asked.force, asked.seconds)
 
     def set(self, settings: PlaySettings) -> None:
         """What needs no reset acts at once."""
@@ -94,7 +104,7 @@ class Player(playing.Playing):
     def _load(self, path: str) -> None:
         """Walk on with what was learned."""
         self._learned = path
-        for walker in self.walkers:
-            walker.learned = path
-            if walker.name == "learned":
-                self.say("swap", {"tick": self._tick, "version": walker.become("learned")})
+        for robot in self.robots.values():
+            robot.learned = path
+            if robot.name == "learned":
+                self.say("swap", {"tick": self._tick, "version": robot.become("learned")})

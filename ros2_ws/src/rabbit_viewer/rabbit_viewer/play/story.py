@@ -17,7 +17,7 @@ from rl_cbf_clf_controller.explanation import number
 from rl_cbf_clf_controller.scene import Scene
 
 from rabbit_viewer.geometry import stands
-from rabbit_viewer.play.settings import NOBODY, YOURS, PlaySettings, Start
+from rabbit_viewer.play.settings import NOBODY, RECORDED, YOURS, PlaySettings, Start
 
 WHO = {  # what each robot does with the difference between its model and itself
     "best": "identifies its masses as it walks",
@@ -27,6 +27,7 @@ WHO = {  # what each robot does with the difference between its model and itself
     "identified": "identifies its masses as it walks, with the paper's speed",
     "oracle": "is told exactly how wrong its model is",
     "l1": "adapts its model, and sees no stones",
+    RECORDED: "was recorded before",
 }
 TIMES = {0.5: "half of what", 2.0: "twice what", 3.0: "three times what"}
 PUSH = {"text": "Push them", "do": {"do": "push", "force": 200, "seconds": 0.1}}
