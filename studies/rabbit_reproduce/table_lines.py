@@ -57,7 +57,7 @@ class Runs:
 class Size:
     """How many runs: of a line on the main plant, and on each of the others; what `--retrain` has `trained`, if so.
 
-    And in which setting, and with which seed.
+    And in which setting.
     """
 
     quick: bool
@@ -65,7 +65,6 @@ class Size:
     beside: int
     trained: Trained | None = None
     setting: Setting = OURS
-    seed: int = SEED
 
     def own(self, assembly: Assembly) -> Assembly:
         """The same assembly in this setting; it takes the retrained policy if there is one."""
@@ -88,10 +87,7 @@ HEADLINE = Runs(20, 3)  # of the paper's own figures
 
 @dataclass(frozen=True)
 class Line:
-    """A line of a table; `nominal` is the nominal controller's on the same plant, if passing there shows nothing.
-
-    `seed`: of its own, where it is not the size's.
-    """
+    """A line of a table; `nominal` is the nominal controller's on the same plant, if passing there shows nothing."""
 
     what: str
     assembly: Assembly
@@ -99,7 +95,7 @@ class Line:
     runs: Runs | None = None
     columns: tuple[Column, ...] = COLUMNS
     nominal: "Line | None" = None
-    seed: int | None = None
+    seed: int = SEED
 
     def scenario(self, size: Size, column: Column = MAIN) -> Scenario:
         """Its runs on a plant."""
@@ -107,7 +103,7 @@ class Line:
         assembly = size.own(replace(self.assembly, simulation=plant))
         own = self.runs or Runs(size.runs, size.runs)
         runs = size.beside if column not in (MAIN, MUJOCO) else own.quick if size.quick else own.whole
-        return Scenario(assembly, runs, self.seed or size.seed, self.what)
+        return Scenario(assembly, runs, self.seed, self.what)
 
 
 @dataclass(frozen=True)

@@ -3,9 +3,7 @@
 ROOT/NAME-KEY/   a session of `rabbit train`, KEY the hash of all that decides it
 """
 
-import math
 import shlex
-from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -27,20 +25,17 @@ class TrainingReport(BaseModel):
     """`episodes` has the `EpisodeReport` of each, and the `seconds` that it took."""
 
     commit: str
-    transitions: int
     episodes: list[dict[str, Any]]
 
 
 @dataclass(frozen=True)
 class TrainingJob(Job):
-    """A training as `rabbit train` does it; it ends with its number of episodes, or once it has `transitions`."""
+    """A training as `rabbit train` does it."""
 
     parameters: TrainingParameters
     mass_scale: float = TRAINING_SCALE
-    transitions: float = math.inf
     tuning: tuple[tuple[str, Any], ...] = ()  # controller parameters that are not `ours`
     engine: str = "pybullet"
-    learner: Callable[..., Any] | None = None  # in place of the one that the parameters name
     root: Path = field(default=Path("runs/training"), compare=False)
     model = TrainingReport
 
@@ -82,8 +77,7 @@ class TrainingJob(Job):
             episodes = self._train()
         except (CheckpointError, DivergenceError, ControllerError, np.linalg.LinAlgError) as error:
             raise JobError(f"{self.title or self.name}: {error}") from error
-        transitions = sum(episode["kept"] for episode in episodes)
-        return TrainingReport(commit=provenance.commit(), transitions=transitions, episodes=episodes)
+        return TrainingReport(commit=provenance.commit(), episodes=episodes)
 
     def _controller_of(self, tuning: tuple[tuple[str, Any], ...]) -> ControllerParameters:
         always = {"controller": self.parameters.problem.name, "slack_weight": TRAINING_SLACK_WEIGHT}
@@ -93,9 +87,9 @@ class TrainingJob(Job):
         """Train, or go on training; the reports of all episodes."""
         from rabbit_experiments.training_setup import POLICY, training  # torch
 
-        about = self.folder, self.parameters, self.controller, self.plant, self.command, self.learner
+        about = self.folder, self.parameters, self.controller, self.plant, self.command
         with training(*about) as (trainer, reports):
-            while trainer.episode < self.parameters.episodes and trainer.transitions < self.transitions:
-                next(reports)
+            for _ in reports:
+                pass
             trainer.policy_file().write(self.folder / POLICY)
             return [asdict(report) for report in trainer.reports]

@@ -15,7 +15,7 @@ from rabbit_reproduce.controllers import AT_ITS_BEST
 from rabbit_reproduce.experiment import Experiment
 from rabbit_reproduce.page import write_page
 from rabbit_reproduce.report import Claim, Report, Verdict
-from rabbit_reproduce.table_lines import FULL, RIGID, Found
+from rabbit_reproduce.table_lines import FULL, RIGID, SEED, Found
 
 ZEROS = {name: 0 for name, field in RunRow.model_fields.items() if field.annotation in (int, float)}
 WALKED = RunRow.model_validate(
@@ -81,7 +81,7 @@ def test_the_nominal_controller_at_its_best_walks_beside_the_claims(experiment: 
     plants = [line.assembly.simulation for line in experiment.by_key.values()]
     for line in experiment.tuned.values():
         assert line.assembly.simulation in plants
-        assert line.scenario(FULL).seed == FULL.seed
+        assert line.scenario(FULL).seed == SEED
 
 
 @pytest.mark.parametrize(

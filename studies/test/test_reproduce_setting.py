@@ -31,7 +31,7 @@ def test_another_plant_is_no_column_twice() -> None:
     assert (SIZE.title(MAIN), QUICK.title(MAIN), QUICK.title(RIGID)) == ("rigid", "PyBullet", "rigid")
     line = Line("", CBF_CLF.assembly())
     assert line.scenario(SIZE).assembly.simulation.plant == "rigid"
-    assert line.scenario(replace(SIZE, seed=7)).seed == 7 != SEED == line.scenario(SIZE).seed
+    assert line.scenario(SIZE).seed == SEED
 
 
 def test_trainings_are_of_the_setting_and_stand_in_for_the_shipped_policies(tmp_path: Path) -> None:

@@ -5,7 +5,6 @@ from pathlib import Path
 import pytest
 import typer
 from rabbit_bringup.cli import app, commands
-from rabbit_reproduce import ablations
 from typer.testing import CliRunner, Result
 
 FOREIGN = (
@@ -77,13 +76,6 @@ def test_a_folder_of_someone_else_stays_as_it_is(foreign: Path, name: str) -> No
     done = rabbit(name, *FOLDERS[name], "--out", foreign)
     refused(done, foreign)
     assert "expected a new or empty folder" in done.stderr
-    assert contents(foreign) == before
-
-
-def test_a_study_leaves_a_folder_of_someone_else_as_it_is(foreign: Path) -> None:
-    before, study = contents(foreign), typer.Typer()
-    study.command()(ablations.main)
-    refused(CliRunner().invoke(study, ["default", "--out", str(foreign)]), foreign)
     assert contents(foreign) == before
 
 

@@ -19,7 +19,7 @@ from rabbit_reproduce.controllers import CBF_CLF, CBF_CLF_ORACLE, CLF, CLF_ORACL
 from rabbit_reproduce.experiment import Experiment
 from rabbit_reproduce.feasibility import Feasibility, JudgedWalk, RowSet, share, share_text, total
 from rabbit_reproduce.report import Claim, Table
-from rabbit_reproduce.table_lines import COLUMNS, Column, Found, Size
+from rabbit_reproduce.table_lines import COLUMNS, SEED, Column, Found, Size
 from rabbit_reproduce.training import recipes
 from rabbit_reproduce.training_jobs import TrainingJob
 
@@ -251,7 +251,7 @@ def _walks(
     size: Size, walkers: Sequence[Contender], judges: tuple[Any, ...], runs: int, title: str, plant: dict[str, Any]
 ) -> list[list[JudgedWalk]]:
     """So many runs of each walker."""
-    seeds = episode_seeds(size.seed, runs).values()
+    seeds = episode_seeds(SEED, runs).values()
     assemblies = [size.own(each.assembly(**plant)) for each in walkers]
     return [[JudgedWalk(assembly, seed, judges, title=title) for seed in seeds] for assembly in assemblies]
 
