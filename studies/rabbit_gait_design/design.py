@@ -3,7 +3,7 @@
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.metadata import version
 from typing import Any
@@ -11,11 +11,10 @@ from typing import Any
 import casadi as ca
 import numpy as np
 from rabbit_description.gait import Gait
-from rabbit_description.state import Array
 
 from rabbit_gait_design.orbit import Orbit
 from rabbit_gait_design.specification import GaitSpecification
-from rabbit_gait_design.transcription import Transcription
+from rabbit_gait_design.transcription import Transcription, broken
 from rabbit_gait_design.zero_dynamics import ZeroDynamics
 
 Progress = Callable[[int, float, float], None]  # iteration, cost, largest constraint violation
@@ -34,33 +33,39 @@ def design_gait(specification: GaitSpecification, progress: Progress | None = No
         GaitDesignError: IPOPT did not converge.
     """
     programme = Transcription(specification, guess)
-    nlp, bounds = programme.nlp(), programme.bounds()
-    options: dict[str, Any] = {
-        "print_time": False,
-        "ipopt": {"print_level": 0, "sb": "yes", "max_iter": specification.max_iterations, "tol": 1e-9},
-    }
     with _held_signals() as held:
-        options["iteration_callback"] = _Watch(nlp, bounds, progress or (lambda *_: None), held)
-        solver = ca.nlpsol("gait", "ipopt", nlp, options)
-        solution = solver(**bounds)
-    stats = solver.stats()
-    if not stats["success"]:
-        raise GaitDesignError(_complaint(programme, stats["return_status"], solution["g"]))
-    return _as_gait(programme, solution, int(stats["iter_count"]))
+
+        def watch(iteration: int) -> None:
+            cost, excess = programme.latest()
+            if progress:
+                progress(iteration, cost, max(float(excess.max()), 0.0))
+            if held:
+                raise KeyboardInterrupt  # which stops IPOPT
+
+        programme.callback(watch)
+        of_ipopt: dict[str, Any] = {"print_level": 0, "sb": "yes", "tol": 1e-9}
+        of_ipopt["max_iter"] = specification.max_iterations
+        programme.solver("ipopt", {"print_time": False, "expand": True, "detect_simple_bounds": True}, of_ipopt)
+        try:
+            solution = programme.solve()
+        except RuntimeError as error:
+            raise GaitDesignError(_complaint(programme)) from error
+    return _as_gait(programme, solution)
 
 
-def _complaint(programme: Transcription, status: str, rows: ca.DM) -> str:
-    spec, broken = programme.specification, programme.rows.broken(np.asarray(rows).ravel())
-    worst = ", ".join(f"{name} by {value:.3g}" for name, value in list(broken.items())[:3]) or "none"
+def _complaint(programme: Transcription) -> str:
+    spec, (_, excess) = programme.specification, programme.latest()
+    worst = list(broken(programme.rows, excess).items())[:3]
     return (
-        f"gait {spec.name}: no gait of {spec.step_length} m at {spec.speed} m/s found (IPOPT: {status}); "
-        f"constraints still broken: {worst}; loosen those, or change speed or step_length"
+        f"gait {spec.name}: no gait of {spec.step_length} m at {spec.speed} m/s found "
+        f"(IPOPT: {programme.return_status()}); constraints still broken: "
+        f"{', '.join(f'{name} by {value:.3g}' for name, value in worst) or 'none'}; "
+        "loosen those, or change speed or step_length"
     )
 
 
-def _as_gait(programme: Transcription, solution: dict[str, ca.DM], iterations: int) -> Gait:
-    spec, x = programme.specification, np.asarray(solution["x"]).ravel()
-    coeffs, phase_range, rate = programme.unpack(x)
+def _as_gait(programme: Transcription, solution: ca.OptiSol) -> Gait:
+    spec, (coeffs, phase_range) = programme.specification, (np.array(solution.value(each)) for each in programme.path)
     fields: dict[str, Any] = {
         "name": spec.name,
         "step_length": spec.step_length,
@@ -71,13 +76,13 @@ def _as_gait(programme: Transcription, solution: dict[str, ca.DM], iterations: i
         "bezier_coeffs": coeffs.tolist(),
     }
     shape = Gait(**fields, q_start=[0.0] * 7, dq_start=[0.0] * 7)
-    q, dq = ZeroDynamics(shape).state(0.0, rate)
+    q, dq = ZeroDynamics(shape).state(0.0, float(np.sqrt(2 * solution.value(programme.sigma[0]))))
     gait = Gait(**fields, q_start=q.tolist(), dq_start=dq.tolist())
     metadata = {
         "command": "rabbit gait",
         "specification": spec.model_dump(mode="json"),
         "figures": Orbit(gait).figures().rounded(),
-        "iterations": iterations,
+        "iterations": int(solution.stats()["iter_count"]),
         "versions": {
             "casadi": version("casadi"),
             "pinocchio": version("pin"),
@@ -104,37 +109,3 @@ def _held_signals() -> Iterator[list[int]]:
             signal.signal(number, handler)
         if held:
             signal.raise_signal(held[0])
-
-
-class _Watch(ca.Callback):
-    """Hands IPOPT's iterates to a progress function; a signal that is `held` stops the solver."""
-
-    def __init__(
-        self, nlp: dict[str, ca.SX], bounds: dict[str, Array], progress: Progress, held: Sequence[int]
-    ) -> None:
-        ca.Callback.__init__(self)
-        self._held = held
-        self._sizes = {"x": nlp["x"].numel(), "f": 1, "g": nlp["g"].numel(), "p": 0}
-        self._bounds, self._progress, self._iteration = bounds, progress, 0
-        self.construct("watch", {})
-
-    def get_n_in(self) -> int:
-        return int(ca.nlpsol_n_out())
-
-    def get_name_in(self, i: int) -> str:
-        return str(ca.nlpsol_out(i))
-
-    def get_n_out(self) -> int:
-        return 1
-
-    def get_sparsity_in(self, i: int) -> ca.Sparsity:
-        name = ca.nlpsol_out(i).removeprefix("lam_")
-        return ca.Sparsity.dense(self._sizes[name], 1) if self._sizes[name] else ca.Sparsity(0, 0)
-
-    def eval(self, arguments: Sequence[ca.DM]) -> list[int]:
-        values = dict(zip(map(ca.nlpsol_out, range(ca.nlpsol_n_out())), arguments, strict=True))
-        rows = np.asarray(values["g"]).ravel()
-        violation = np.maximum(self._bounds["lbg"] - rows, rows - self._bounds["ubg"]).max()
-        self._progress(self._iteration, float(values["f"]), float(max(violation, 0.0)))
-        self._iteration += 1
-        return [len(self._held)]
