@@ -136,11 +136,10 @@ def job_of(what: str, folder: Path, **changes: Any) -> Any:
 
     files = folder / "files"
     if what == "training":
-        from rabbit_reproduce.training_jobs import TrainingJob  # here alone: its modules decide no walk
+        from rabbit_reproduce.training import training_job  # here alone: its modules decide no walk
 
         known = {"problem": "rl-cbf-clf-qp", "episodes": 1}
-        tuning = (("gait", str(files / "gait.yaml")),)
-        return TrainingJob(TrainingParameters(**known | changed(TrainingParameters)), tuning=tuning)
+        return training_job(TrainingParameters(**known | changed(TrainingParameters)), gait=str(files / "gait.yaml"))
     if what == "walk":
         plant = {"stones": 1, "course": str(files / "course.csv")}
         tuning = load_parameters("ours", controller="rl-cbf-clf-qp", gait=str(files / "gait.yaml"))
@@ -172,11 +171,11 @@ class Changes:
         sys.addaudithook(watch)
         job = job_of(what, folder)
         if what == "training":
-            from rabbit_reproduce.training_jobs import TrainingReport
+            from rabbit_reproduce.training import TrainingReport
 
             for name in ("rl_trainer.ddpg", "rl_trainer.session", "rabbit_experiments.training_setup"):
                 importlib.import_module(name)
-            result = TrainingReport(commit="", transitions=1, episodes=[])
+            result = TrainingReport(commit="", episodes=[])
         else:
             result = job.do()
         loaded = {Path(str(file)) for module in [*sys.modules.values()] if (file := getattr(module, "__file__", None))}

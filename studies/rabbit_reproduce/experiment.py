@@ -21,10 +21,8 @@ from rabbit_viewer import style
 from rabbit_reproduce.controllers import AT_ITS_BEST, Contender
 from rabbit_reproduce.curves import rate_figure
 from rabbit_reproduce.report import WIDTHS, Claim, Drawn, Report, Table, Verdict, judge
-from rabbit_reproduce.setting import OURS
 from rabbit_reproduce.table_lines import MAIN, RIGID, Found, Line, Runs, Size, long_table, walk_table
-from rabbit_reproduce.training import that_made
-from rabbit_reproduce.training_jobs import TrainingJob
+from rabbit_reproduce.training import TrainingJob, that_made
 
 FIGURES = ("fig:Main", "fig:clf-results", "fig:clf-torso-results", "fig:stepping-stone", "fig:rl-cbf-clf-results")
 SWEPT = Runs(10, 1)  # there are many values
@@ -150,7 +148,7 @@ class Experiment(ABC):
             why=self.why,
             quick=found.size.quick,
             retrained=found.size.trained is not None,
-            setting={} if found.size.setting == OURS else found.size.setting.model_dump(exclude_defaults=True),
+            plant=found.size.plant,
             commit=provenance.commit(),
             policies={policy_name(job.assembly): job.assembly.make_policy().version for job in learned},
             claims=tuple(self._claims(found)),

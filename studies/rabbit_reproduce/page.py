@@ -1,6 +1,5 @@
 """Make experiments: their runs, their reports, and the page over all: every claim with its verdict, then each."""
 
-import json
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -64,8 +63,8 @@ def write_page(out: Path, names: Sequence[str]) -> Path:
 def _overview(reports: Sequence[Report]) -> str:
     """All claims in one table, and how many came to what."""
     claims = [(report, claim) for report in reports for claim in report.claims]
-    settings = {json.dumps(report.setting) for report in reports if report.setting}
-    setting = "".join(f"Setting: `{each}`.\n\n" for each in sorted(settings))
+    others = sorted({report.plant for report in reports} - {"pybullet"})
+    judged_on = f"Judged on `{'`, `'.join(others)}`.\n\n" if others else ""
     both = [claim for _, claim in claims if claim.on_rigid]
     counts = f"{len(claims)} claims: {_counted(claim.verdict for _, claim in claims)}."
     beside = (
@@ -80,7 +79,7 @@ def _overview(reports: Sequence[Report]) -> str:
     table = Table(name="claims", columns=columns, rows=rows)
     undone = sum(claim.undone for _, claim in claims if claim.verdict is Verdict.REPRODUCED)
     falling = f" Of those reproduced, {undone} fall with the nominal controller at its best." if undone else ""
-    return f"{setting}{counts}{beside if both else ''}{falling}\n\n{table.markdown}\n"
+    return f"{judged_on}{counts}{beside if both else ''}{falling}\n\n{table.markdown}\n"
 
 
 def _at_best(claim: Claim) -> str:
@@ -105,13 +104,14 @@ def _for_paper(folder: str, name: str) -> str:
 def _section(report: Report) -> str:
     runs = "reduced runs (`--quick`)" if report.quick else "full runs"
     command = f"rabbit reproduce {report.name}{' --quick' * report.quick}{' --retrain' * report.retrained}"
-    command += " --setting FILE" * bool(report.setting)
+    is_other = report.plant != "pybullet"
+    command += f" --plant {report.plant}" * is_other
     figures = "".join(
         f"![{caption}]({report.name}/{name}.png)\n\n*{caption}* (For a paper: {_for_paper(report.name, name)}.)\n\n"
         for name, caption in report.figures.items()
     )
     differs = any(claim.verdict not in (Verdict.REPRODUCED, Verdict.OPEN) for claim in report.claims)
-    why = f"**Where it differs.** {report.why}\n\n" if report.why and differs and not report.setting else ""
+    why = f"**Where it differs.** {report.why}\n\n" if report.why and differs and not is_other else ""
     tables = "".join(f"{table.markdown}\n" for table in report.tables if not table.long)
     long = ", ".join(f"[{table.name}.csv]({report.name}/{table.name}.csv)" for table in report.tables)
     commit = f"{report.commit[:12] or 'unknown'}{'+' * report.commit.endswith('+')}"

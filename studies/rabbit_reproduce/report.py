@@ -11,7 +11,6 @@ import io
 from collections.abc import Mapping
 from enum import StrEnum
 from pathlib import Path
-from typing import Any
 
 from matplotlib.figure import Figure
 from pydantic import BaseModel, ConfigDict, ValidationError
@@ -111,7 +110,7 @@ class Report(BaseModel):
     why: str = ""
     quick: bool
     retrained: bool
-    setting: dict[str, Any] = {}  # changes of what the paper does not print
+    plant: str = "pybullet"  # on which claims are judged
     commit: str
     policies: dict[str, str]
     claims: tuple[Claim, ...]

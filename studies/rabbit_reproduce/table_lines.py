@@ -10,10 +10,10 @@ from rabbit_experiments.conditions import EVALUATION_LAG
 from rabbit_experiments.evaluation import Scenario, SeededRun
 from rabbit_experiments.summary import Walks
 from rabbit_experiments.walk_records import WalkRecords
+from rabbit_sim.parameters import SimulationParameters
 
 from rabbit_reproduce.command_lines import evaluate_command
 from rabbit_reproduce.report import Cell, Table, Verdict
-from rabbit_reproduce.setting import OURS, Setting
 from rabbit_reproduce.training import Trained
 
 SUMMED = (
@@ -21,16 +21,17 @@ SUMMED = (
     *("missed_stones", "saturated_ticks", "slack_ticks", "rescue_ticks", "qp_unanswered_ticks"),
     "ecbf_start_violations",
 )
-PLANT_TITLES = {"pybullet": "PyBullet", "mujoco": "MuJoCo", "rigid": "rigid"}
+PlantName = Literal["pybullet", "mujoco", "rigid"]
+PLANT_TITLES: dict[PlantName, str] = {"pybullet": "PyBullet", "mujoco": "MuJoCo", "rigid": "rigid"}
 SEED = 50001  # of every course and first state here, and of nothing else
 
 
 @dataclass(frozen=True)
 class Column:
-    """A plant; PyBullet stands for that of the setting."""
+    """A plant; PyBullet stands for the one that claims are judged on."""
 
     title: str
-    plant: Literal["pybullet", "mujoco", "rigid"]
+    plant: PlantName
     lag: float  # s
 
 
@@ -57,28 +58,30 @@ class Runs:
 class Size:
     """How many runs: of a line on the main plant, and on each of the others; what `--retrain` has `trained`, if so.
 
-    And in which setting.
+    And the plant that claims are judged on.
     """
 
     quick: bool
     runs: int
     beside: int
     trained: Trained | None = None
-    setting: Setting = OURS
+    plant: PlantName = "pybullet"
 
     def own(self, assembly: Assembly) -> Assembly:
-        """The same assembly in this setting; it takes the retrained policy if there is one."""
-        assembly = self.setting.own(assembly) if self.setting != OURS else assembly
+        """The same assembly, in place of PyBullet on the main plant; it takes the retrained policy if there is one."""
+        if assembly.simulation.plant == "pybullet" != self.plant:
+            changed = {**assembly.simulation.model_dump(), "plant": self.plant}
+            assembly = replace(assembly, simulation=SimulationParameters.model_validate(changed))
         return self.trained.own(assembly) if self.trained else assembly
 
     def columns(self, columns: Sequence["Column"]) -> list["Column"]:
-        """Those with runs, none there twice: the setting's plant is the main one."""
-        beside = [each for each in columns if each.plant == "pybullet" or each.plant != self.setting.plant]
+        """Those with runs, none there twice: `plant` is the main one."""
+        beside = [each for each in columns if each.plant == "pybullet" or each.plant != self.plant]
         return [each for each in beside if self.beside or each is MAIN]
 
     def title(self, column: "Column") -> str:
         """Of a column."""
-        return column.title.replace(MAIN.title, PLANT_TITLES[self.setting.plant])
+        return column.title.replace(MAIN.title, PLANT_TITLES[self.plant])
 
 
 FULL, QUICK = Size(False, 10, 4), Size(True, 2, 1)

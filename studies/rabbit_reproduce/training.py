@@ -1,32 +1,111 @@
 """`--retrain`: the policies that experiments walk with, trained anew in `DIR/training`; and the log of their episodes.
 
+Each training is a job of the engine, in a folder of its own, where one that was stopped goes on:
+
+    ROOT/NAME-KEY/   a session of `rabbit train`, KEY the hash of all that decides it
+
 The log in the package, training_log.csv, is `DIR/training/episodes.csv` of the trainings in
 studies/docs/results_paper.md.
 """
 
+import shlex
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict
+from rabbit_experiments import provenance
 from rabbit_experiments.assembly import Assembly
-from rabbit_experiments.cache import Cache
-from rabbit_experiments.conditions import TRAINING_SCALE
+from rabbit_experiments.cache import Cache, Job, JobError
+from rabbit_experiments.conditions import TRAINING_PLANT, TRAINING_SCALE, TRAINING_SLACK_WEIGHT
 from rabbit_experiments.engine import run
 from rabbit_experiments.tables import read_rows, write_rows
 from rabbit_experiments.training_setup import POLICY
+from rabbit_sim.parameters import SimulationParameters
+from rl_cbf_clf_controller.parameters import ControllerParameters, load_parameters
 from rl_cbf_clf_controller.problem import Problem
+from rl_cbf_clf_controller.scene import ControllerError
 from rl_cbf_clf_controller.uncertainty import PAPER, RL_CBF_CLF_QP
 from rl_cbf_clf_controller.weights import policy_path
 from rl_trainer.parameters import TrainingParameters
 
-from rabbit_reproduce.setting import OURS, Setting
-from rabbit_reproduce.training_jobs import TrainingJob
+from rabbit_reproduce.command_lines import changed_options
 
 COMMITTED = Path(__file__).with_name("training_log.csv")
 DIGITS = 5  # of a reward
 SEEDS = (1, 2, 3)
+
+
+class TrainingReport(BaseModel):
+    """`episodes` has the `EpisodeReport` of each, and the `seconds` that it took."""
+
+    commit: str
+    episodes: list[dict[str, Any]]
+
+
+@dataclass(frozen=True)
+class TrainingJob(Job):
+    """A training as `rabbit train` does it, by a controller that walks meanwhile on a plant."""
+
+    parameters: TrainingParameters
+    controller: ControllerParameters
+    plant: SimulationParameters
+    root: Path = field(default=Path("runs/training"), compare=False)
+    model = TrainingReport
+
+    @property
+    def name(self) -> str:
+        """Of its folder, without the key."""
+        return f"{self.parameters.problem}-scale-{self.plant.mass_scale:g}-seed-{self.parameters.seed}"
+
+    @property
+    def command(self) -> str:
+        """That makes the same policy."""
+        changes = changed_options(self.parameters, TrainingParameters())
+        changes += changed_options(self.controller, training_job(self.parameters).controller)
+        changes += ["--plant", self.plant.plant] if self.plant.plant != "pybullet" else []
+        return shlex.join(["rabbit", "train", *changes, "--mass-scale", f"{self.plant.mass_scale:g}", "--out", "DIR"])
+
+    @property
+    def folder(self) -> Path:
+        """The session's."""
+        asked = provenance.plain(self)
+        return self.root / f"{self.name}-{provenance.key_of([asked, provenance.provenance(asked)])}"
+
+    def do(self) -> TrainingReport:
+        from rl_trainer.checkpoint import CheckpointError  # torch
+        from rl_trainer.training import DivergenceError
+
+        try:
+            episodes = self._train()
+        except (CheckpointError, DivergenceError, ControllerError, np.linalg.LinAlgError) as error:
+            raise JobError(f"{self.title or self.name}: {error}") from error
+        return TrainingReport(commit=provenance.commit(), episodes=episodes)
+
+    def _train(self) -> list[dict[str, Any]]:
+        """Train, or go on training; the reports of all episodes."""
+        from rabbit_experiments.training_setup import training  # torch
+
+        about = self.folder, self.parameters, self.controller, self.plant, self.command
+        with training(*about) as (trainer, reports):
+            for _ in reports:
+                pass
+            trainer.policy_file().write(self.folder / POLICY)
+            return [asdict(report) for report in trainer.reports]
+
+
+def training_job(
+    parameters: TrainingParameters, mass_scale: float = TRAINING_SCALE, engine: str = "pybullet", **tuning: Any
+) -> TrainingJob:
+    """With `tuning` of the controller, where it is not `ours`."""
+    always = {"controller": parameters.problem.name, "slack_weight": TRAINING_SLACK_WEIGHT}
+    controller = load_parameters("ours", **tuning, **always)
+    course = {"terrain": controller.terrain, "stones": parameters.walking_steps, "plant": engine}
+    plant = SimulationParameters.model_validate({**TRAINING_PLANT, **course, "mass_scale": mass_scale})
+    return TrainingJob(parameters, controller, plant)
 
 
 class Episode(BaseModel):
@@ -52,7 +131,7 @@ class Episode(BaseModel):
 
 def recipe_of(problem: Problem, seed: int = SEEDS[0], mass_scale: float = TRAINING_SCALE) -> TrainingJob:
     """As the shipped policies were trained."""
-    return TrainingJob(TrainingParameters(problem=problem, seed=seed), mass_scale)
+    return training_job(TrainingParameters(problem=problem, seed=seed), mass_scale)
 
 
 SHIPPED = {  # by the name of the policy that they made
@@ -76,45 +155,44 @@ def that_made(policies: Iterable[str]) -> list[TrainingJob]:
 
 @dataclass(frozen=True)
 class Trained:
-    """Trainings under `root` that are done, in a setting."""
+    """Trainings under `root` that are done: each recipe with the training that was `made` by it."""
 
     root: Path
-    recipes: tuple[TrainingJob, ...]
-    setting: Setting = OURS
+    made: dict[TrainingJob, TrainingJob]
 
     def own(self, assembly: Assembly) -> Assembly:
         """The same with the policy that was trained here in place of the shipped one."""
         policy = self._policies.get(assembly.policy)
         return replace(assembly, policy=str(policy)) if policy else assembly
 
-    @property
-    def jobs(self) -> list[TrainingJob]:
-        """The trainings themselves."""
-        return [self._made(recipe) for recipe in self.recipes]
-
     @cached_property
     def _policies(self) -> dict[str, Path]:
         """File by the path of the shipped policy that it stands in for."""
-        return {str(policy_path(name)): self.policy(made) for name, made in SHIPPED.items() if made in self.recipes}
+        return {str(policy_path(name)): self.policy(recipe) for name, recipe in SHIPPED.items() if recipe in self.made}
 
     def policy(self, recipe: TrainingJob, episode: int | None = None) -> Path:
         """The last policy's file, or the one after an episode."""
-        folder = self._made(recipe).folder
+        folder = self.made[recipe].folder
         return folder / POLICY if episode is None else folder / "policies" / f"{episode:03d}.safetensors"
 
     def episodes(self) -> list[Episode]:
         """Of all trainings."""
-        return [row for recipe in self.jobs for row in episodes_of(recipe, Cache(self.root / "cache"))]
+        return [row for job in self.made.values() for row in episodes_of(job, Cache(self.root / "cache"))]
 
-    def _made(self, recipe: TrainingJob) -> TrainingJob:
-        """The training itself."""
-        return replace(self.setting.recipe(recipe), root=self.root, title=recipe.name)
+
+def under(root: Path, wanted: Sequence[TrainingJob], engine: str = "pybullet") -> Trained:
+    """The trainings of these recipes under `root`, on the plant of this engine."""
+    made = {}
+    for each in wanted:
+        plant = each.plant.model_copy(update={"plant": engine})
+        made[each] = replace(each, plant=plant, root=root, title=each.name)
+    return Trained(root, made)
 
 
 def episodes_of(recipe: TrainingJob, cache: Cache) -> list[Episode]:
     """The episodes of a training that is done."""
     report, problem, transitions = cache.get(recipe), recipe.parameters.problem, 0
-    about = {"problem": problem.name, "mass_scale": recipe.mass_scale, "seed": recipe.parameters.seed}
+    about = {"problem": problem.name, "mass_scale": recipe.plant.mass_scale, "seed": recipe.parameters.seed}
     rows = []
     for number, episode in enumerate(report.episodes, start=1):
         transitions += episode["kept"]
@@ -124,10 +202,10 @@ def episodes_of(recipe: TrainingJob, cache: Cache) -> list[Episode]:
     return rows
 
 
-def retrain(wanted: Sequence[TrainingJob], root: Path, processes: int, setting: Setting = OURS) -> Trained:
+def retrain(wanted: Sequence[TrainingJob], root: Path, processes: int, engine: str = "pybullet") -> Trained:
     """Train what is not there yet, over processes of this machine; raises `JobError` where one cannot go on."""
-    trained = Trained(root, tuple(wanted), setting)
-    run(trained.jobs, Cache(root / "cache"), processes)
+    trained = under(root, wanted, engine)
+    run([*trained.made.values()], Cache(root / "cache"), processes)
     write_rows(root / "episodes.csv", Episode, trained.episodes())
     return trained
 

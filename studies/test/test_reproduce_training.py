@@ -15,8 +15,16 @@ from rabbit_reproduce.commands.reproduce import app
 from rabbit_reproduce.controllers import CBF_CLF, RL_CBF_CLF, RL_CLF
 from rabbit_reproduce.experiment import Experiment
 from rabbit_reproduce.table_lines import FULL, QUICK, Line, Runs
-from rabbit_reproduce.training import SHIPPED, Episode, Trained, read_log, recipes, retrain
-from rabbit_reproduce.training_jobs import TrainingJob
+from rabbit_reproduce.training import (
+    SHIPPED,
+    Episode,
+    TrainingJob,
+    read_log,
+    recipes,
+    retrain,
+    training_job,
+    under,
+)
 from rl_cbf_clf_controller.uncertainty import IO_RL_CLF_QP, PAPER, RL_CBF_CLF_QP, RL_CLF_QP
 from rl_cbf_clf_controller.weights import policy_path, read
 from rl_trainer.checkpoint import CheckpointError
@@ -24,7 +32,7 @@ from rl_trainer.parameters import TrainingParameters
 from typer.testing import CliRunner
 
 PARAMETERS = TrainingParameters(problem=RL_CLF_QP, seed=4, episodes=1)
-ONE = TrainingJob(PARAMETERS)  # nominal, so that nothing is learned yet
+ONE = training_job(PARAMETERS)  # nominal, so that nothing is learned yet
 
 
 def session(*steps: int) -> tuple[Episode, ...]:
@@ -57,7 +65,7 @@ def test_a_training_is_made_once_and_logged(tmp_path: Path, monkeypatch: pytest.
 def test_another_training_has_another_folder(changes: dict[str, Any]) -> None:
     other = replace(ONE, parameters=PARAMETERS.model_copy(update=changes))
     assert other.folder != ONE.folder == replace(ONE, title="another title").folder
-    assert replace(ONE, mass_scale=0.7).folder != ONE.folder
+    assert training_job(PARAMETERS, mass_scale=0.7).folder != ONE.folder
 
 
 def test_other_code_trains_again(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -88,7 +96,7 @@ def test_a_training_does_not_go_on_with_another_robot_or_gait(tmp_path: Path, wh
 
 def test_trained_policies_stand_in_for_the_shipped_ones(tmp_path: Path) -> None:
     made = SHIPPED["rl-cbf-clf-qp"]
-    size = replace(QUICK, trained=Trained(tmp_path, (made,)))
+    size = replace(QUICK, trained=under(tmp_path, [made]))
     learned, other, nominal = (each.assembly() for each in (RL_CBF_CLF, RL_CLF, CBF_CLF))
     assert size.own(learned) == replace(learned, policy=str(replace(made, root=tmp_path).folder / POLICY))
     assert (size.own(other), size.own(nominal)) == (other, nominal)
@@ -104,7 +112,7 @@ def test_what_is_shipped_is_trained_anew(quick: bool) -> None:
         assert recipe in made
         about = read(policy_path(name)).metadata
         assert (about.problem, about.training_seed, about.plant["mass_scale"], about.episodes) == (
-            *(recipe.parameters.problem.name, recipe.parameters.seed, recipe.mass_scale),
+            *(recipe.parameters.problem.name, recipe.parameters.seed, recipe.plant.mass_scale),
             recipe.parameters.episodes,
         )
 

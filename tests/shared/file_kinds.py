@@ -28,9 +28,7 @@ from rabbit_recording.contents import contents
 from rabbit_recording.open_recording import one_line_errors, opened
 from rabbit_recording.reader import iterate_episodes
 from rabbit_recording.recover import recover
-from rabbit_reproduce.setting import SETTINGS, SettingError, read_setting
-from rabbit_reproduce.training import COMMITTED, Episode
-from rabbit_reproduce.training_jobs import TrainingJob
+from rabbit_reproduce.training import COMMITTED, Episode, training_job
 from rabbit_rivals import model_file
 from rabbit_rivals.gp_controller import GpAbout
 from rabbit_sim.parameters import SimulationParameters
@@ -210,7 +208,7 @@ def evaluation(path: Path) -> None:
 
 def cached(path: Path) -> Any:
     """A result of the cache, which is made again where it cannot be read."""
-    return TrainingJob(TINY).read(path)
+    return training_job(TINY).read(path)
 
 
 # All
@@ -228,7 +226,6 @@ def kinds(walk: Walk) -> dict[str, Kind]:
         "gaits": [{**one, "metadata": {}}, {**one, "step_length": 0.5, "metadata": {}}],
     }
     course = {"stones": [{"l_min": 0.35, "l_max": 0.4}, {"l_min": 0.36}]}
-    settings = sorted(SETTINGS.glob("*.yaml"))
     checkpoint, journal = kept_files()
     rival = (model_file.SHIPPED / "gp-socp-flat.safetensors").read_bytes()
     with tempfile.TemporaryDirectory() as folder:
@@ -237,7 +234,7 @@ def kinds(walk: Walk) -> dict[str, Kind]:
         about = about_walk(walk.parameters, SimulationParameters(stones=2), "zero", 1, "walked")
         save_records(WalkRecords.from_ticks(walk.records, walk.landings, about), Path(folder) / "records.npz")
         records = (Path(folder) / "records.npz").read_bytes()
-    report = {"commit": "a", "transitions": 3, "episodes": [{"kept": 3}]}
+    report = {"commit": "a", "episodes": [{"kept": 3}]}
     log = "\n".join(COMMITTED.read_text(encoding="utf-8").splitlines()[:6]).encode()
     return {
         "policy": Kind(
@@ -263,7 +260,6 @@ def kinds(walk: Walk) -> dict[str, Kind]:
             load_controller,
             (ControllerParameterError,),
         ),
-        "setting": Kind((("setting.yaml", settings[0].read_bytes()),), read_setting, (SettingError,)),
         "recording": Kind(
             (("bag.mcap", RECORDED["mcap"]), ("bag.mcap", RECORDED["zstd"])),
             use_recording,

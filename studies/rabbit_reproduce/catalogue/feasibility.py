@@ -20,8 +20,7 @@ from rabbit_reproduce.experiment import Experiment
 from rabbit_reproduce.feasibility import Feasibility, JudgedWalk, RowSet, share, share_text, total
 from rabbit_reproduce.report import Claim, Table
 from rabbit_reproduce.table_lines import COLUMNS, SEED, Column, Found, Size
-from rabbit_reproduce.training import recipes
-from rabbit_reproduce.training_jobs import TrainingJob
+from rabbit_reproduce.training import TrainingJob, recipes
 
 WALKERS = (CBF_CLF, RL_CBF_CLF, CBF_CLF_ORACLE)  # whose walks are the common states
 SHORT, STEPS = 5, 10  # a walk
@@ -170,7 +169,7 @@ class FeasibilityByEpisode(Judged):
         """Judges: the nominal controller, the oracle, and each training's policies after each of `EPISODES`."""
         assert size.trained
         plant: dict[str, Any] = {"mass_scale": TRAINING_SCALE, "stones": SHORT}
-        files = [size.trained.policy(each, after) for each in _on_stones(size.trained.recipes) for after in EPISODES]
+        files = [size.trained.policy(each, after) for each in _on_stones([*size.trained.made]) for after in EPISODES]
         who = [CBF_CLF, CBF_CLF_ORACLE, *(RL_CBF_CLF.with_policy(str(file)) for file in files)]
         judges = tuple(size.own(each.assembly(**plant)) for each in who)
         return _walks(size, WALKERS, judges, 1 if size.quick else 3, self.name, plant)
@@ -257,10 +256,10 @@ def _walks(
 
 
 def _trained(found: Found) -> list[TrainingJob]:
-    return _on_stones(found.size.trained.recipes) if found.size.trained else []
+    return _on_stones([*found.size.trained.made]) if found.size.trained else []
 
 
 def _on_stones(trainings: Sequence[TrainingJob]) -> list[TrainingJob]:
     """Those of the stepping stones' problem at scale 2."""
     own = [recipe for recipe in trainings if recipe.parameters.problem.name == RL_CBF_CLF.controller]
-    return [recipe for recipe in own if recipe.mass_scale == TRAINING_SCALE]
+    return [recipe for recipe in own if recipe.plant.mass_scale == TRAINING_SCALE]

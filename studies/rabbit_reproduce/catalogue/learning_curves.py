@@ -18,8 +18,7 @@ from rabbit_reproduce.controllers import IO_RL, RL_CBF_CLF, RL_CLF, Contender
 from rabbit_reproduce.experiment import Experiment
 from rabbit_reproduce.report import Cell, Claim, Table
 from rabbit_reproduce.table_lines import MAIN, Found, Line, Size
-from rabbit_reproduce.training import Episode, read_log, recipe_of, recipes
-from rabbit_reproduce.training_jobs import TrainingJob
+from rabbit_reproduce.training import Episode, TrainingJob, read_log, recipe_of, recipes
 
 PAPER = {IO_RL: 110, RL_CLF: 79, RL_CBF_CLF: 133}  # episodes of the final agent
 COLOURS = {IO_RL: style.ORANGE, RL_CLF: style.BLUE, RL_CBF_CLF: style.GREEN}
@@ -93,9 +92,9 @@ def trained_lines(size: Size) -> dict[TrainingJob, Line]:
     if not (trained := size.trained):
         return {}
     contenders, lines = {each.controller: each for each in PAPER}, dict[TrainingJob, Line]()
-    for recipe in trained.recipes:
+    for recipe in trained.made:
         who = contenders[recipe.parameters.problem.name].with_policy(str(trained.policy(recipe)))
-        lines[recipe] = Line(recipe.name, who.assembly(mass_scale=recipe.mass_scale), columns=(MAIN,))
+        lines[recipe] = Line(recipe.name, who.assembly(mass_scale=recipe.plant.mass_scale), columns=(MAIN,))
     return lines
 
 

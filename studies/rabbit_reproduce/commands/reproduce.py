@@ -24,12 +24,7 @@ def reproduce(
     retrain: Annotated[bool, typer.Option("--retrain", help="train the policies first, into DIR/training")] = False,
     out: Annotated[Path, typer.Option(help="folder of the results; what was stopped goes on")] = Path("runs/reproduce"),
     jobs: Annotated[int | None, typer.Option(min=1, max=4096, help="processes (default: all cores)")] = None,
-    setting: Annotated[
-        str | None, typer.Option(help="what the paper does not print: a YAML file, or a shipped one's name")
-    ] = None,
-    plant: Annotated[
-        PlantName | None, typer.Option(help="plant on which the claims are judged (default: pybullet)")
-    ] = None,
+    plant: Annotated[PlantName, typer.Option(help="plant on which the claims are judged")] = "pybullet",
     figure: Annotated[
         int | None, typer.Option(min=1, max=5, help="number of the paper's figure to make; Fig. 1 is a drawing")
     ] = None,
@@ -41,7 +36,6 @@ def reproduce(
     from rabbit_reproduce.catalogue import EXPERIMENTS
     from rabbit_reproduce.experiment import FIGURES
     from rabbit_reproduce.page import make
-    from rabbit_reproduce.setting import OURS, SettingError, read_setting
     from rabbit_reproduce.table_lines import FULL, QUICK
     from rabbit_reproduce.training import retrain as retrained
 
@@ -60,17 +54,14 @@ def reproduce(
         fail(f"{wrong[0]}: expected some of {', '.join(known)}")
     if wrong := [name for name in names or () if known[name].needs_training and not retrain]:
         fail(f"{wrong[0]}: expected --retrain, it needs the policies of all episodes of a training")
-    with complaints(SettingError):
-        own = read_setting(setting) if setting else OURS
     own_folder(out, "reproduce")
-    own = own.model_copy(update={"plant": plant}) if plant else own
     chosen = [each for name, each in known.items() if name in (names or known) and (retrain or not each.needs_training)]
-    size, processes = replace(QUICK if quick else FULL, setting=own), jobs or os.cpu_count() or 1
+    size, processes = replace(QUICK if quick else FULL, plant=plant), jobs or os.cpu_count() or 1
     try:
         with complaints(JobError):
             if retrain:
                 wanted = dict.fromkeys(recipe for each in chosen for recipe in each.trainings(size))
-                size = replace(size, trained=retrained(list(wanted), out / "training", processes, own))
+                size = replace(size, trained=retrained(list(wanted), out / "training", processes, plant))
             page, done = make(chosen, size, out, list(known), processes)
     except KeyboardInterrupt as stop:
         fail("stopped; the same command goes on from the runs that are done", code=of_interrupt(stop))
