@@ -15,7 +15,7 @@ from rl_cbf_clf_controller.parameters import load_parameters
 class Contender:
     """A controller by name, its policy (its own where None) and how it is drawn.
 
-    It has the `parameters` of that file, and others by `tuning`.
+    It has the `parameters` of that file, and others by `tuning`, in an assembly of this `kind`.
     """
 
     title: str
@@ -25,6 +25,7 @@ class Contender:
     line: str = "-"
     tuning: tuple[tuple[str, Any], ...] = ()
     parameters: str = "ours"
+    kind: type[Assembly] = Assembly
 
     def with_policy(self, policy: str) -> "Contender":
         """The same with another policy, by name or file."""
@@ -40,7 +41,7 @@ class Contender:
         changes = dict(self.tuning) | (tuning or {})
         controller = load_parameters(self.parameters, terrain, controller=self.controller, **changes)
         simulation = SimulationParameters.model_validate({"motor_lag": EVALUATION_LAG, "terrain": terrain, **plant})
-        return Assembly(simulation, controller, resolve_policy(self.policy, controller))
+        return self.kind(simulation, controller, resolve_policy(self.policy, controller))
 
 
 RL_CLF = Contender("RL-CLF-QP", "rl-clf-qp", style.BLUE)
@@ -67,10 +68,12 @@ PREDICTED = {"prediction": True}
 INTEGRAL = {"speed_regulation": "integral"}
 
 
-def variant(title: str, controller: str, policy: str, *tuning: dict[str, Any]) -> Contender:
+def variant(
+    title: str, controller: str, policy: str, *tuning: dict[str, Any], kind: type[Assembly] = Assembly
+) -> Contender:
     """One that stands in a map, so without a colour of its own."""
     parameters = {name: value for each in tuning for name, value in each.items()}
-    return Contender(title, controller, style.BLACK, policy, tuning=tuple(parameters.items()))
+    return Contender(title, controller, style.BLACK, policy, tuning=tuple(parameters.items()), kind=kind)
 
 
 AT_ITS_BEST = {  # the nominal controller's, as tuned for other masses and payloads (studies/docs/tuning.md)

@@ -1,13 +1,10 @@
 """What enters the benchmark from here; a method whose file or library is missing is left blank, with the reason."""
 
-from dataclasses import dataclass
 from importlib.util import find_spec
-from typing import Any
 
 from rabbit_benchmark.methods import Method
 from rabbit_experiments.assembly import Assembly, AssemblyError
-from rabbit_reproduce.controllers import LIBRARY, MARGIN, Contender, variant
-from rabbit_viewer import style
+from rabbit_reproduce.controllers import LIBRARY, MARGIN, variant
 from rl_cbf_clf_controller.policy import Policy
 
 from rabbit_rivals.gp_controller import GpController, gp_policy
@@ -37,26 +34,11 @@ class JointTargetAssembly(Assembly):
         return reference_alone() if self.policy == "zero" else network_policy(self.policy)
 
 
-@dataclass(frozen=True)
-class FileContender(Contender):
-    """A controller whose policy is a model file, in an assembly of its own `kind`."""
-
-    kind: type[Assembly] = Assembly
-
-    def assembly(self, tuning: dict[str, Any] | None = None, /, **plant: Any) -> Assembly:
-        whole = super().assembly(tuning, **plant)
-        return self.kind(whole.simulation, whole.controller, whole.policy)
-
-
-def _with(kind: type[Assembly], title: str, controller: str, policy: str, *tuning: dict[str, Any]) -> FileContender:
-    given = tuple(item for each in tuning for item in each.items())
-    return FileContender(title, controller, style.BLACK, policy, tuning=given, kind=kind)
-
-
 def _joint_targets(name: str, title: str, policy: str, trained_on: str) -> Method:
     """The paths of the gait library in the steps on both terrains."""
-    stones = _with(JointTargetAssembly, title, "cbf-clf-qp", policy, LIBRARY, MARGIN)
-    return Method(name, title, stones, _with(JointTargetAssembly, title, "clf-qp", policy, LIBRARY), trained_on)
+    stones = variant(title, "cbf-clf-qp", policy, LIBRARY, MARGIN, kind=JointTargetAssembly)
+    flat = variant(title, "clf-qp", policy, LIBRARY, kind=JointTargetAssembly)
+    return Method(name, title, stones, flat, trained_on)
 
 
 def _estimates(name: str, title: str, trained_on: str) -> Method:
@@ -73,8 +55,8 @@ def shipped(name: str) -> str:
 GP_SOCP = Method(
     "gp-socp",
     "GP-CBF-CLF-SOCP",
-    _with(GpAssembly, "GP-SOCP", "rl-cbf-clf-qp", shipped("gp-socp-stones")),
-    _with(GpAssembly, "GP-SOCP", "rl-clf-qp", shipped("gp-socp-flat")),
+    variant("GP-SOCP", "rl-cbf-clf-qp", shipped("gp-socp-stones"), kind=GpAssembly),
+    variant("GP-SOCP", "rl-clf-qp", shipped("gp-socp-flat"), kind=GpAssembly),
     "GPs at mass scale 2, no motor lag, seed 1: 6,727 transitions on stones, 7,567 on flat ground",
 )
 PLANTS = "in MuJoCo over random plants: storm, masses, development families; seed 1"

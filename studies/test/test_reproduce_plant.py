@@ -37,10 +37,7 @@ def test_trainings_are_on_it_and_stand_in_for_the_shipped_policies(tmp_path: Pat
     (job,) = trained.made.values()
     assert (job.plant.plant, job.parameters, job.controller) == ("rigid", made.parameters, made.controller)
     assert job.folder != replace(made, root=tmp_path).folder
-    assert (
-        job.command
-        == f"{made.command.removesuffix(' --mass-scale 2 --out DIR')} --plant rigid --mass-scale 2 --out DIR"
-    )
+    assert job.command == made.command.replace("--mass-scale", "--plant rigid --mass-scale")
     assert "--gait wide" in training_job(made.parameters, gait="wide").command
     size = replace(SIZE, trained=trained)
     assert size.own(RL_CBF_CLF.assembly()).policy == str(trained.policy(made))
