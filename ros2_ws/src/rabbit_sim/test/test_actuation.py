@@ -6,8 +6,7 @@ from rabbit_description.state import TICK_SECONDS
 from rabbit_sim.actuation import Actuation
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.perturbation import Measured, Memory
-from rabbit_sim.perturbations.gears import GEAR_STIFFNESS, ROTOR_INERTIA, Gears
-from rabbit_sim.perturbations.joints import JointDamping
+from rabbit_sim.perturbations.joints import GEAR_STIFFNESS, ROTOR_INERTIA, Gears, JointDamping
 from rabbit_sim.perturbations.motors import MotorLag
 from rabbit_sim.perturbations.sensors import Noise
 from rabbit_sim.plant import SUBSTEP_SECONDS, SUBSTEPS, PlantReading

@@ -10,17 +10,10 @@ from rabbit_description.state import BodySensors
 from rabbit_sim.actuation import Actuation
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.perturbation import Measured, Memory
-from rabbit_sim.perturbations.cogging import Cogging
-from rabbit_sim.perturbations.coupled_joints import CoupledJoints
-from rabbit_sim.perturbations.encoder_drift import EncoderDrift
-from rabbit_sim.perturbations.encoder_gain import EncoderGain
-from rabbit_sim.perturbations.fading_motors import FadingMotors
-from rabbit_sim.perturbations.filtered_rates import FilteredRates
-from rabbit_sim.perturbations.hysteresis import STIFFNESS, Hysteresis
-from rabbit_sim.perturbations.sensor_dropout import SensorDropout
-from rabbit_sim.perturbations.sensor_jitter import SensorJitter
-from rabbit_sim.perturbations.stuck_encoders import StuckEncoders
-from rabbit_sim.perturbations.tipping_stones import TippingStones
+from rabbit_sim.perturbations.encoders import EncoderDrift, EncoderGain, FilteredRates, StuckEncoders
+from rabbit_sim.perturbations.ground import TippingStones
+from rabbit_sim.perturbations.joints import DAHL_STIFFNESS, Cogging, CoupledJoints, FadingMotors, Hysteresis
+from rabbit_sim.perturbations.sensors import SensorDropout, SensorJitter
 from rabbit_sim.plant import SUBSTEP_SECONDS, PlantReading
 from sensing import begun
 
@@ -66,7 +59,7 @@ def test_dahl_friction_saturates_and_takes_energy_in_each_cycle() -> None:
     friction.begin(memory)
     rate = np.full(4, 1e-3)
     small = -friction.transmitted(memory, none, none, rate)
-    assert small == pytest.approx(STIFFNESS * SUBSTEP_SECONDS * rate, rel=1e-3)
+    assert small == pytest.approx(DAHL_STIFFNESS * SUBSTEP_SECONDS * rate, rel=1e-3)
     for _ in range(500):
         largest = -friction.transmitted(memory, none, none, np.ones(4))
     assert largest == pytest.approx(np.full(4, 10.0))

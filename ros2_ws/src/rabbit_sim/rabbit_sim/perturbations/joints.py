@@ -1,12 +1,22 @@
-"""Joints with friction, damping and springs, beside their motors."""
+"""What is at a joint beside its motor, and between the two: coupling, friction, damping, springs, elastic gears."""
+
+from functools import cached_property
+from math import radians, sqrt
 
 import numpy as np
 from rabbit_description.planar_urdf import BASE
-from rabbit_description.state import Array
+from rabbit_description.state import JOINTS, TORQUE_LIMIT, Array
 
-from rabbit_sim.perturbation import Control, EngineNumber, JointTorque, Number, Perturbation, setting
+from rabbit_sim.perturbation import Control, EngineNumber, JointTorque, Memory, Number, Perturbation, setting
+from rabbit_sim.plant import SUBSTEP_SECONDS
 
-KNEES = np.array([0.0, 1.0, 0.0, 1.0])  # of the four joints
+HIPS, KNEES = [0, 2], [1, 3]  # of the joints
+IS_KNEE = np.array([0.0, 1.0, 0.0, 1.0])
+COGGING_PERIODS = 60  # of a joint's turn
+DAHL_STIFFNESS = 500.0  # k of `Hysteresis`, N m/rad
+ROTOR_INERTIA = 0.05  # kg m^2, reflected
+GEAR_STIFFNESS = 5000.0  # N m/rad
+GEAR_DAMPING_RATIO = 0.2  # of a rotor against a joint that stands still
 
 
 class DryFriction(Perturbation):
@@ -59,5 +69,117 @@ class KneeSpring(Perturbation):
     knee_rest: Number = setting(0.4, -1, 2, "angle at which the knees' springs are at rest, rad")
 
     def joint_torque(self, urdf: str) -> JointTorque:
-        stiffness, rest = self.knee_spring * KNEES, self.knee_rest
+        stiffness, rest = self.knee_spring * IS_KNEE, self.knee_rest
         return lambda q, dq: stiffness * (rest - q[BASE:])
+
+
+class CoupledJoints(Perturbation):
+    """The knee gets a share of its hip's torque too, as over a belt."""
+
+    order = 504
+
+    joint_coupling: EngineNumber = setting(
+        0.0, -1, 1, "share of a hip's torque that its knee gets too", Control("hip pulls at knee", 0.05)
+    )
+
+    def transmitted(self, memory: Memory, torque: Array, joints: Array, rates: Array) -> Array:
+        given: Array = np.array(torque)
+        given[KNEES] += self.joint_coupling * torque[HIPS]
+        return given
+
+
+class FadingMotors(Perturbation):
+    """Motors that give less the faster they turn, as a direct-current motor at its voltage's limit does.
+
+    At the rate w a torque along the motion is at most TORQUE_LIMIT (1 - |w| / no_load_speed).
+    """
+
+    order = 505
+
+    no_load_speed: EngineNumber = setting(
+        0.0,
+        0,
+        1000,
+        "rate at which a motor gives no torque along its motion, rad/s; 0: none",
+        Control("no-load speed, 0: none", 1, "rad/s"),
+    )
+
+    def transmitted(self, memory: Memory, torque: Array, joints: Array, rates: Array) -> Array:
+        most = TORQUE_LIMIT * np.maximum(1 - np.abs(rates) / self.no_load_speed, 0)
+        given: Array = np.where(torque * rates > 0, torque.clip(-most, most), torque)
+        return given
+
+
+class Cogging(Perturbation):
+    """A torque -c sin(COGGING_PERIODS angle) on each joint: its magnets pull towards the stator's teeth."""
+
+    order = 506
+
+    cogging: EngineNumber = setting(0.0, 0, 100, "largest cogging torque of a joint, N m", Control("cogging", 1, "N m"))
+
+    def transmitted(self, memory: Memory, torque: Array, joints: Array, rates: Array) -> Array:
+        given: Array = torque - self.cogging * np.sin(COGGING_PERIODS * joints)
+        return given
+
+
+class Hysteresis(Perturbation):
+    """Joints whose friction depends on where they turned last, by Dahl's model.
+
+    The friction f of a joint that turns by dx goes towards F in its direction:   df = k (1 - f sign(dx) / F) dx
+    (P. R. Dahl, "A solid friction model", Aerospace Corporation, 1968). A joint that turns back is pushed by f at
+    first.
+    """
+
+    order = 510
+
+    hysteresis: EngineNumber = setting(
+        0.0, 0, 100, "most of the joints' friction with memory, N m", Control("hysteresis", 1, "N m")
+    )
+
+    def begin(self, memory: Memory) -> None:
+        memory.friction = np.zeros(JOINTS)
+
+    def transmitted(self, memory: Memory, torque: Array, joints: Array, rates: Array) -> Array:
+        turned = SUBSTEP_SECONDS * rates
+        end = self.hysteresis * np.sign(turned)
+        memory.friction = end + (memory.friction - end) * np.exp(-DAHL_STIFFNESS * np.abs(turned) / self.hysteresis)
+        left: Array = torque - memory.friction
+        return left
+
+
+class Gears(Perturbation):
+    """Elastic gears with play: a rotor of inertia J at each joint drives it through a spring k and a damper c.
+
+    With s = rotor - joint the joint gets k (s -+ b / 2) + c s' outside of the play b, and nothing within it. A tooth
+    does not pull; without play the spring does. A rotor begins in the middle of the play, where its joint is, and as
+    fast.
+    """
+
+    gear_stiffness: EngineNumber = setting(
+        0.0,
+        0,
+        2e4,
+        "stiffness of elastic joints, N m/rad; 0: rigid",
+        Control("gear stiffness, 0: rigid", 100, "N m/rad"),
+    )
+    backlash: EngineNumber = setting(
+        0.0, 0, 5, "play of each joint's gear from side to side, degrees", Control("backlash", 0.1, "degrees")
+    )
+
+    @cached_property
+    def _spring(self) -> tuple[float, float, float]:
+        """Half the play, rad; k, N m/rad; c, N m s/rad."""
+        stiffness = self.gear_stiffness or GEAR_STIFFNESS
+        return radians(self.backlash) / 2, stiffness, 2 * GEAR_DAMPING_RATIO * sqrt(stiffness * ROTOR_INERTIA)
+
+    def transmitted(self, memory: Memory, torque: Array, joints: Array, rates: Array) -> Array:
+        half, stiffness, damper = self._spring
+        slip, slip_rate = memory.joints - joints, memory.rates - rates  # of the rotors, which were there at the reset
+        beyond = slip - slip.clip(-half, half)
+        passed: Array = stiffness * beyond + damper * slip_rate
+        if half:
+            side = np.sign(beyond)
+            passed = side * np.maximum(side * passed, 0.0)
+        memory.rates = memory.rates + SUBSTEP_SECONDS * (torque - passed) / ROTOR_INERTIA
+        memory.joints = memory.joints + SUBSTEP_SECONDS * memory.rates
+        return passed

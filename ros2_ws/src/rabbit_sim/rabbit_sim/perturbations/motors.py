@@ -1,4 +1,6 @@
-"""From commanded torque to joint torque: saturation, dead time, rate limit, power loss, lag, in this order.
+"""From commanded torque to joint torque, in this order:
+
+saturation, dead time, dead zone, rate limit, power loss, lag of second and of first order.
 
     u_sat(t) = clip(u(t - delay), -limit, limit)     |du_rate/dt| <= rate towards u_sat; the same without a rate
     T dtau/dt = gain (1 - loss) u_rate - tau
@@ -6,7 +8,8 @@
 A plant holds one torque over a substep; it gets the mean over the substep, which has the same impulse.
 """
 
-from functools import cached_property
+from functools import cached_property, lru_cache
+from math import pi
 from typing import Annotated
 
 import numpy as np
@@ -51,6 +54,24 @@ class DeadTime(Perturbation):
         now = state[:, :SUBSTEPS].copy()
         state[:, :-SUBSTEPS] = state[:, SUBSTEPS:]
         return now
+
+
+class DeadZone(Perturbation):
+    """Motors that do nothing until enough is asked: u - d sign(u) where |u| > d, else 0."""
+
+    order = 55
+
+    dead_zone: Number = setting(
+        0.0,
+        0,
+        100,
+        "torque below which a motor gives nothing, and which it always lacks, N m",
+        Control("dead zone", 1, "N m"),
+    )
+
+    def drive(self, torques: Array, state: Array) -> Array:
+        given: Array = torques - np.clip(torques, -self.dead_zone, self.dead_zone)
+        return given
 
 
 class TorqueRate(Perturbation):
@@ -98,6 +119,45 @@ class MotorGains(Perturbation):
         return given
 
 
+class SecondOrderMotors(Perturbation):
+    """Torque swings towards what is asked, as a current loop's does:  tau'' = w^2 (u - tau) - 2 z w tau'.
+
+    Solved exactly over each substep, in which u is constant. The state is tau and tau'.
+    """
+
+    order = 75
+
+    motor_frequency: Number = setting(
+        0.0,
+        0,
+        500,
+        "natural frequency of second-order motors, Hz; 0: none",
+        Control("motors' frequency, 0: any", 1, "Hz"),
+    )
+    motor_damping: Number = setting(0.7, 0.05, 5, "damping ratio z of second-order motors")
+
+    @cached_property
+    def _steps(self) -> tuple[Array, Array]:
+        """Of N robots: (tau, tau') at a substep's end from those at its start (N, 2, 2), and from u (N, 2, 1)."""
+        pairs = [
+            of_motor(*pair) for pair in zip(np.ravel(self.motor_frequency), np.ravel(self.motor_damping), strict=True)
+        ]
+        from_state, from_drive = map(np.array, zip(*pairs, strict=True))
+        return from_state, from_drive
+
+    def remembered(self) -> int:
+        return 2
+
+    def drive(self, torques: Array, state: Array) -> Array:
+        from_state, from_drive = self._steps
+        acts = np.asarray(self.motor_frequency)[:, 0] > 0
+        for substep in range(SUBSTEPS):
+            wanted, start = torques[:, substep].copy(), state[:, 0].copy()
+            state[:] = from_state @ state + from_drive * wanted[:, None]
+            torques[:, substep] = np.where(acts, (start + state[:, 0]) / 2, wanted)
+        return torques
+
+
 class MotorLag(Perturbation):
     """Solved exactly over each substep h, in which u is constant: tau(t + h) = tau + (1 - exp(-h/T)) (u - tau).
 
@@ -139,3 +199,14 @@ def response(lag: float) -> tuple[Array, Array, float]:
     age = np.subtract.outer(np.arange(SUBSTEPS), np.arange(SUBSTEPS))
     from_drive = np.where(age >= 0, (1 - decay) * decay ** np.maximum(age, 0), 0.0)
     return decay ** np.arange(1, SUBSTEPS + 1), from_drive, (1 - decay) * lag / SUBSTEP_SECONDS
+
+
+@lru_cache(maxsize=4096)  # a batch asks for all its robots again when one begins an episode
+def of_motor(frequency: float, damping: float) -> tuple[Array, Array]:
+    """One motor's step: what of its state (2, 2) and of the torque that is asked (2, 1) is there at the end."""
+    from scipy.linalg import expm  # slow to import
+
+    w = 2 * pi * frequency
+    matrix = np.array([[0.0, 1.0, 0.0], [-(w**2), -2 * damping * w, w**2], [0.0, 0.0, 0.0]])
+    step = expm(matrix * SUBSTEP_SECONDS)
+    return step[:2, :2], step[:2, 2:]

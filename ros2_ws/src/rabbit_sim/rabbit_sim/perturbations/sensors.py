@@ -6,10 +6,11 @@ the attitude from the vertical that it integrates, and the mean of the accelerom
 All of it may arrive late: a tick's readings are then those of `sensor_delay` earlier.
 """
 
-from math import pi, radians
-from typing import Literal
+from math import isnan, pi, radians
+from typing import Literal, Self
 
 import numpy as np
+from pydantic import model_validator
 from rabbit_description.planar_urdf import BASE, SLIDES
 from rabbit_description.state import DOF, JOINTS, TICK_SECONDS, Array, BodySensors, orientation_of
 
@@ -98,6 +99,62 @@ class Laboratory(Perturbation):
         )
         unknown = np.full(DOF, np.nan)
         return Measured(unknown, unknown.copy(), measured.foot_force, body)
+
+
+class SensorJitter(Perturbation):
+    """Each measurement's age is drawn from 0 to the oldest in whole ms. A lab's sensors have `sensor_delay` instead."""
+
+    order = 135
+    needs_path = True
+
+    sensor_jitter: WholeSubsteps = setting(
+        0.0,
+        0,
+        0.02,
+        "age of the oldest measurements, whole ms; each tick's is drawn, s",
+        Control("age of measurements up to", 0.001, "s", at_reset=True),  # as `sensors`: with a lab's it is refused
+    )
+
+    @model_validator(mode="after")
+    def _lab_has_a_delay(self) -> Self:
+        if self.sensor_jitter and getattr(self, "sensors", "exact") == "lab":
+            raise ValueError(f"sensor_jitter = {self.sensor_jitter:g} with sensors lab: expected 0, or sensor_delay")
+        return self
+
+    def begin(self, memory: Memory) -> None:
+        memory.trace = np.zeros((0, 2 * DOF))  # states of the last ticks, a substep apart
+
+    def measure(self, memory: Memory, measured: Measured, reading: PlantReading) -> Measured:
+        oldest = round(self.sensor_jitter / SUBSTEP_SECONDS)
+        path = reading.path if reading.path is not None else np.concatenate([measured.q, measured.dq])[None]
+        memory.trace = np.vstack([memory.trace, path])[-oldest - SUBSTEPS :]
+        age = min(int(memory.rng.integers(oldest + 1)), len(memory.trace) - 1)
+        state = memory.trace[-1 - age]
+        return Measured(state[:DOF].copy(), state[DOF:].copy(), measured.foot_force)
+
+
+class SensorDropout(Perturbation):
+    """A tick's measurement is lost or not, whatever became of the last; the last one that came is repeated.
+
+    An episode's first measurement always comes, and of a lab's sensors the first two: the first has no specific force.
+    """
+
+    order = 150
+
+    sensor_dropout: Number = setting(
+        0.0, 0, 0.9, "probability that a tick's measurement is lost", Control("lost measurements", 0.01)
+    )
+
+    def begin(self, memory: Memory) -> None:
+        memory.last = None
+
+    def measure(self, memory: Memory, measured: Measured, reading: PlantReading) -> Measured:
+        is_lost = memory.last is not None and memory.rng.random() < self.sensor_dropout
+        body = memory.last.body if is_lost else None
+        if not is_lost or (body and isnan(body.specific_force[0])):
+            memory.last = measured
+        last: Measured = memory.last.copy()
+        return last
 
 
 def until(state: Array) -> Array:
