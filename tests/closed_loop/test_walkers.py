@@ -14,14 +14,13 @@ from own_systems.loading import load_task
 from own_systems.recording import differing, write_ride
 from own_systems.training import train
 from own_systems.walker import read_walker
+from planar_robot import PlanarPlant, dynamics_of
 from rabbit_description import URDF_PATH
 from rabbit_description.planar_urdf import scaled
 from rabbit_description.state import Leg
 from rabbit_gait_design.hybrid_zero_dynamics import RepeatedStep, Walker
 from rabbit_gait_design.pinocchio_model import PinocchioModel
 from rabbit_recording.contents import contents
-from rabbit_sim.pinned_dynamics import PinnedDynamics, UrdfFeet
-from rabbit_sim.planar_plant import PlanarPlant, ahead
 from rl_trainer.transitions import Doubt
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
@@ -126,7 +125,7 @@ def test_a_walk_is_the_rigid_plants_under_the_same_torques(walker):
     task = replace(walker.task, impacts=2)
     ride, urdf = Rider(task).ride("oracle", 3), scaled(walker.urdf, 2.0)
     assert ride.outcome == "done"
-    plant, n = PlanarPlant(PinnedDynamics(urdf, UrdfFeet(urdf, walker.feet)), ahead), len(walker.coordinates)
+    plant, n = PlanarPlant(dynamics_of(urdf, walker.feet), only_ahead=True), len(walker.coordinates)
     plant.reset(*floating(walker, ride.moments[0].x), Leg.LEFT)
     for moment in ride.moments:
         now = plant.observe()

@@ -28,7 +28,7 @@ INNOCENT = {  # a 7 or a 4 that is none of the robot's: file, line, and what it 
     "rabbit_experiments/metrics.py": {"round(seconds, 7)": "digits"},
     "former_messages.py": {"bytes(4)": "bytes"},
     "message_header.py": {"// 4 * 4": "bytes", "data[4:16]": "bytes"},
-    "planar_plant.py": {"h**2 / 4": "of Runge and Kutta"},
+    "rigid_plant.py": {"h**2 / 4": "of Runge and Kutta"},
     "pybullet_plant.py": {"point[7]": "a field of PyBullet's contact"},
     "rabbit_viewer/filmstrip.py": {"markersize=4": "points"},
     "page/rows.py": {'"pushed": 4': "a bit"},

@@ -15,7 +15,7 @@ from rabbit_sim.actuation import Actuation
 from rabbit_sim.kinematics import RabbitFeet
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.perturbation import Memory
-from rabbit_sim.plant import CONTACT_FORCE, SUBSTEP_SECONDS, SUBSTEPS, PlantReading, Span
+from rabbit_sim.plant import CONTACT_FORCE, SUBSTEP_SECONDS, SUBSTEPS, Plant, PlantReading, Span
 from rabbit_sim.robot_urdf import leg_shape, perturbed_urdf, with_attached
 from rabbit_sim.terrain import Ground
 from rabbit_sim.touchdown_detector import Feet, TouchdownDetector
@@ -27,8 +27,8 @@ JointStates = tuple[list[float], list[float]]  # q, dq: seven each
 Forces = list[list[float]]  # on each foot in a substep, rows left, right; columns x, z; N
 
 
-class EnginePlant(ABC):
-    """RABBIT on stones that are boxes; see `Plant` for the methods. `watch` finds which feet come down.
+class EnginePlant(Plant, ABC):
+    """RABBIT on stones that are boxes; `watch` finds which feet come down.
 
     `feeds_back`: whether joint torques depend on the state within a tick.
     """

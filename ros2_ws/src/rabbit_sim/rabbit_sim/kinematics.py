@@ -53,7 +53,7 @@ def foot(x: Any, z: Any, upper: Any, knee: Any, shape: Any, by: Any = math) -> t
 
 
 class RabbitFeet:
-    """The feet of RABBIT with legs of this shape; see `pinned_dynamics.Feet`.
+    """The feet of RABBIT with legs of this shape; `links` are those of its URDF in which they are, left and right.
 
     The jacobian is that of the point of the sole that is lowest.
     """

@@ -10,94 +10,18 @@ the first two rows of M ddq + h, those of the base's slides, are F.
 """
 
 from collections.abc import Callable, Sequence
-from typing import Protocol
 
 import numpy as np
 import pinocchio
-from rabbit_description.planar_urdf import BASE, BASE_JOINTS, SLIDES, UrdfError
+from rabbit_description.planar_urdf import BASE, SLIDES
 from rabbit_description.state import Array, Leg
 
+from rabbit_sim.kinematics import RabbitFeet
 from rabbit_sim.perturbation import JointTorque
 from rabbit_sim.plant import gravity
 
 PLANE = [0, 2]  # x and z of a spatial vector
-OUT_OF_PLANE = [1, 3, 5]  # y, and the turns about x and z
 BASE_JOINT = BASE  # pinocchio's number of the base's pitch
-PITCH = "JointModelRY"
-
-
-class Feet(Protocol):
-    """Where the two feet of a robot with n coordinates are, world frame, columns or entries x, z; m."""
-
-    links: tuple[str, str]  # of the URDF, left and right, in whose origins the feet are
-
-    def positions(self, q: Array) -> Array:
-        """Of both, shape (2, 2): rows left, right."""
-
-    def points(self, q: Sequence[float]) -> Sequence[Sequence[float]]:
-        """The same of plain numbers."""
-
-    def jacobian(self, q: Array, leg: Leg) -> Array:
-        """Foot velocity over `dq`, shape (2, n)."""
-
-
-class UrdfFeet:
-    """The origins of two links of a planar robot.
-
-    Raises:
-        UrdfError: a link that is not there, or a robot that does not move in the plane alone.
-    """
-
-    def __init__(self, urdf: str, links: tuple[str, str] = ("left_foot", "right_foot")) -> None:
-        self._model = planar_model(urdf)
-        self._data = self._model.createData()
-        missing = [link for link in links if not self._model.existFrame(link)]
-        if missing:
-            raise UrdfError(f"URDF {self._model.name}: no link {', '.join(missing)} for a foot")
-        self.links = links
-        self._frames = [self._model.getFrameId(link) for link in links]
-
-    def positions(self, q: Array) -> Array:
-        """Of both, shape (2, 2): rows left, right."""
-        pinocchio.framesForwardKinematics(self._model, self._data, q)
-        return np.array([self._data.oMf[frame].translation[PLANE] for frame in self._frames])
-
-    def points(self, q: Sequence[float]) -> Sequence[Sequence[float]]:
-        """The same of plain numbers."""
-        points: list[list[float]] = self.positions(np.array(q)).tolist()
-        return points
-
-    def jacobian(self, q: Array, leg: Leg) -> Array:
-        """Foot velocity over `dq`, shape (2, n)."""
-        world = pinocchio.LOCAL_WORLD_ALIGNED
-        return pinocchio.computeFrameJacobian(self._model, self._data, q, self._frames[leg], world)[PLANE]
-
-
-def standing(feet: Feet, q: Array, dq: Array, leg: Leg) -> tuple[Array, Array]:
-    """The same posture and rates, each (n,), with the base moved so that a foot is at rest at the origin."""
-    q, dq = q.copy(), dq.copy()
-    q[:2] -= feet.positions(q)[leg]
-    dq[:2] -= feet.jacobian(q, leg) @ dq
-    return q, dq
-
-
-def planar_model(urdf: str) -> pinocchio.Model:
-    """The model of a robot whose first coordinates are those of `BASE_JOINTS`, and which moves in the x-z plane alone.
-
-    Raises:
-        UrdfError: another base, or a joint that leaves the plane; names it.
-    """
-    model = pinocchio.buildModelFromXML(urdf)
-    names = list(model.names)[1:]
-    if tuple(names[:BASE]) != BASE_JOINTS or model.nq != model.nv:
-        raise UrdfError(f"URDF {model.name}: joints {names}; expected {', '.join(BASE_JOINTS)} first, then single axes")
-    data, q = model.createData(), np.linspace(0.1, 1.0, model.nq)
-    pinocchio.computeJointJacobians(model, data, q)
-    for joint, name in enumerate(names, start=1):
-        jacobian = pinocchio.getJointJacobian(model, data, joint, pinocchio.LOCAL_WORLD_ALIGNED)
-        if np.abs(jacobian[OUT_OF_PLANE]).max() > 1e-9:
-            raise UrdfError(f"URDF {model.name}: joint {name} leaves the x-z plane; expected axes along y, or x and z")
-    return model
 
 
 class PinnedDynamics:
@@ -108,14 +32,13 @@ class PinnedDynamics:
     `chains`: the robot grown from its left and from its right foot; `model`, `data`: pinocchio's of the whole robot.
     """
 
-    def __init__(self, urdf: str, feet: Feet, beside: Sequence[JointTorque] = (), slope: float = 0.0) -> None:
+    def __init__(self, urdf: str, feet: RabbitFeet, beside: Sequence[JointTorque] = (), slope: float = 0.0) -> None:
         self.feet = feet
-        self.model = planar_model(urdf)
+        self.model = pinocchio.buildModelFromXML(urdf)
         self.model.gravity.linear[PLANE] = gravity(slope)
         self.data = self.model.createData()
         self._beside = beside
         self.coordinates: int = self.model.nv
-        self.inputs = self.coordinates - BASE
         self.chains = [PinnedChain(self.model, self.model.getFrameId(link)) for link in feet.links]
         self.weight = pinocchio.computeTotalMass(self.model) * -np.array(gravity(slope))
 
@@ -123,14 +46,15 @@ class PinnedDynamics:
         """z-ddot of the stance foot's chain as a function of z and z-dot, under joint torques (n - 3,), N m."""
         chain = self.chains[stance]
         if not self._beside:
-            forces = chain.forces(torque)
-            return lambda z, dz: chain.acceleration(z, dz, forces)
+            forces = torque.dot(chain.drives)
+            return lambda z, dz: pinocchio.aba(chain.model, chain.data, z, dz, forces)
         q, dq = np.zeros((2, self.coordinates))
 
         def acceleration(z: Array, dz: Array) -> Array:
             q[SLIDES:], dq[SLIDES:] = chain.out @ z, chain.out @ dz
-            at_joints = sum((each(q, dq) for each in self._beside), torque)
-            return chain.acceleration(z, dz, chain.forces(at_joints))
+            at_joints: Array = sum((each(q, dq) for each in self._beside), torque)
+            ddz: Array = pinocchio.aba(chain.model, chain.data, z, dz, at_joints.dot(chain.drives))
+            return ddz
 
         return acceleration
 
@@ -152,29 +76,15 @@ class PinnedChain:
 
     Its k = n - 2 coordinates z are the absolute angle of the pinned foot's link, then the joints from that foot to the
     base, passed backwards and so with the other sign, then all other joints: z = C q_r, where q_r is q without the
-    base's two slides. `into` (k, k) is C, `out` its inverse.
-
-    Raises:
-        UrdfError: the base's slides carry a mass.
+    base's two slides, which carry no mass. `into` (k, k) is C, `out` its inverse; joint torques (k - 1,), N m, times
+    `drives` (k - 1, k) are the forces on z, for the power is the same.
     """
 
     def __init__(self, model: pinocchio.Model, foot: int) -> None:
-        if any(model.inertias[joint].mass for joint in range(1, BASE_JOINT)):
-            raise UrdfError(f"URDF {model.name}: expected massless slides {', '.join(BASE_JOINTS[:SLIDES])}")
-        self._model, self.into = _grown_from(model, foot)
-        self._data = self._model.createData()
+        self.model, self.into = _grown_from(model, foot)
+        self.data = self.model.createData()
         self.out: Array = np.linalg.inv(self.into)
-        self._drives: Array = self.out[1:].copy()  # power is the same: from torques (k - 1,) on q_r to forces on z
-
-    def forces(self, torques: Array) -> Array:
-        """Generalised forces on z (k,) of joint torques (k - 1,), N m."""
-        forces: Array = torques.dot(self._drives)
-        return forces
-
-    def acceleration(self, z: Array, dz: Array, forces: Array) -> Array:
-        """z-ddot (k,)."""
-        ddz: Array = pinocchio.aba(self._model, self._data, z, dz, forces)
-        return ddz
+        self.drives: Array = self.out[1:].copy()
 
 
 def _grown_from(model: pinocchio.Model, foot: int) -> tuple[pinocchio.Model, Array]:
@@ -189,8 +99,7 @@ def _grown_from(model: pinocchio.Model, foot: int) -> tuple[pinocchio.Model, Arr
     way = [joint for joint in model.supports[carrier] if joint > BASE_JOINT][::-1]
 
     root = tree.addJoint(0, pinocchio.JointModelRY(), pinocchio.SE3.Identity(), "foot")
-    turning = [joint for joint in [BASE_JOINT, *way] if model.joints[joint].shortname() == PITCH]
-    into[0, [model.joints[joint].idx_q - SLIDES for joint in turning]] = 1.0
+    into[0, [model.joints[joint].idx_q - SLIDES for joint in [BASE_JOINT, *way]]] = 1.0
     bodies = {carrier: (root, upright * model.frames[foot].placement.inverse())}  # by the model's joint: joint, place
     for joint in way:
         parent, place = bodies[joint]

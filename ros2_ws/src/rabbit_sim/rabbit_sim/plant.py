@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import cos, radians, sin
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,17 +67,19 @@ class PlantReading:
     path: Array | None = None
 
 
-class Plant(Protocol):
+class Plant:
     """The true robot and its ground; one tick lasts `TICK_SECONDS`."""
 
     def reset(self, q: Array, dq: Array, stance: Leg) -> None:
         """Put the robot into a state, its motors at rest, and take away every stone."""
+        raise NotImplementedError
 
     def set_stones(self, spans: Sequence[Span]) -> None:
-        """Have exactly these stones."""
+        """Have exactly these stones; nothing to do where there is ground everywhere."""
 
     def advance(self, command: Array) -> None:
         """Go on one tick under the commanded joint torques, shape (4,), N m."""
+        raise NotImplementedError
 
     def push(self, force: float, seconds: float) -> None:
         """Push the torso's centre of mass forward with `force`, N, from now on; a push under way ends.
@@ -85,12 +87,15 @@ class Plant(Protocol):
         Raises:
             ValueError: this plant cannot be pushed.
         """
+        raise ValueError("push: expected the plant pybullet or mujoco, this one cannot be pushed")
 
     def push_for_tick(self, forces: Array) -> None:
         """Likewise in each substep of the next tick, (SUBSTEPS,) N, beside a push under way."""
+        self.push(0.0, TICK_SECONDS)
 
     def observe(self) -> PlantReading:
         """The truth after the last tick."""
+        raise NotImplementedError
 
     def close(self) -> None:
         """Give back what the plant holds; it cannot be used afterwards."""
