@@ -159,6 +159,7 @@ class RobotState:
         return self.tick * TICK_SECONDS
 
     @property
-    def joint_rates(self) -> Array:
-        """Of the four joints as measured, (4,), rad/s."""
-        return self.dq[BASE:] if self.sensors is None else self.sensors.joint_rates
+    def joints(self) -> tuple[Array, Array]:
+        """Angles and rates (4,) of the joints as measured, rad, rad/s: views, which may be written to."""
+        seen = self.sensors
+        return (self.q[BASE:], self.dq[BASE:]) if seen is None else (seen.joint_angles, seen.joint_rates)

@@ -6,7 +6,6 @@ override changes nothing, and a perturbation whose fields are at their defaults 
 """
 
 from collections.abc import Callable, Sequence
-from copy import deepcopy
 from dataclasses import asdict, dataclass
 from types import SimpleNamespace
 from typing import Annotated, Any, ClassVar, Self
@@ -14,8 +13,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
-from rabbit_description.planar_urdf import BASE
-from rabbit_description.state import Array, BodySensors
+from rabbit_description.state import Array, RobotState
 
 from rabbit_sim.plant import PlantReading
 
@@ -59,25 +57,6 @@ def child(element: Element, path: str) -> Element:
     if found is None:
         raise ValueError(f"URDF: {element.tag} without {path}")
     return found
-
-
-@dataclass
-class Measured:
-    """`q`, `dq` (7,) and `foot_force` (2, 2) as the controller gets them; `body`: where these are all there is."""
-
-    q: Array
-    dq: Array
-    foot_force: Array
-    body: BodySensors | None = None
-
-    @property
-    def joints(self) -> tuple[Array, Array]:
-        """Angles and rates (4,) of the joints, from the state or a lab's encoders; views, which may be written to."""
-        return (self.q[BASE:], self.dq[BASE:]) if self.body is None else (self.body.joint_angles, self.body.joint_rates)
-
-    def copy(self) -> "Measured":
-        """One of its own arrays."""
-        return deepcopy(self)
 
 
 Memory = SimpleNamespace  # what a perturbation remembers of an episode, under names of its own
@@ -168,10 +147,9 @@ class Perturbation(BaseModel):
         """
         return 0.0
 
-    def measure(self, memory: Memory, measured: Measured, reading: PlantReading) -> Measured:
-        """What it makes of a tick's measurement; called once for each tick, the first time right after a reset.
+    def measure(self, memory: Memory, state: RobotState, reading: PlantReading) -> None:
+        """Change what a tick's `state` says, in place; called once for each tick, the first time right after a reset.
 
         The memory has the episode's `rng`, which all share that measure, and all `parameters`. It goes on where
         parameters change between two ticks.
         """
-        return measured

@@ -13,7 +13,7 @@ from rabbit_description.state import JOINTS, TICK_SECONDS, Array, Leg, RobotStat
 
 from rabbit_sim.initial_state import initial_state
 from rabbit_sim.parameters import PLANTS, SimulationParameters
-from rabbit_sim.perturbation import Measured, Memory, Perturbation
+from rabbit_sim.perturbation import Memory, Perturbation
 from rabbit_sim.perturbations.ground import RUBBER_STIFFNESS
 from rabbit_sim.plant import GRAVITY, Plant, PlantReading, Span, Touch
 from rabbit_sim.robot_urdf import true_mass
@@ -268,21 +268,19 @@ class Simulation:
 
     def _state(self) -> RobotState:
         true = self.reading
-        measured = Measured(true.q.copy(), true.dq.copy(), true.foot_force.copy())
-        for each, memory in self._measuring:
-            measured = each.measure(memory, measured, true)
         state = RobotState(
             tick=self._tick,
-            q=measured.q,
-            dq=measured.dq,
-            foot_force=measured.foot_force,
-            contact=self.reading.contact.copy(),
+            q=true.q.copy(),
+            dq=true.dq.copy(),
+            foot_force=true.foot_force.copy(),
+            contact=true.contact.copy(),
             touchdowns=self._touchdowns,
             preview=self._preview,
             running=self.outcome is Outcome.RUNNING,
             applied=self._applied,
-            sensors=measured.body,
         )
+        for each, memory in self._measuring:
+            each.measure(memory, state, true)
         if self._estimate is None or self.outcome is Outcome.DIVERGED:
             return state
         return self._estimate(state)

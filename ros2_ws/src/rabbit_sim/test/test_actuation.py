@@ -5,13 +5,13 @@ import pytest
 from rabbit_description.state import TICK_SECONDS
 from rabbit_sim.actuation import Actuation
 from rabbit_sim.parameters import SimulationParameters
-from rabbit_sim.perturbation import Measured, Memory
+from rabbit_sim.perturbation import Memory
 from rabbit_sim.perturbations.joints import GEAR_STIFFNESS, ROTOR_INERTIA, Gears, JointDamping
 from rabbit_sim.perturbations.motors import MotorLag
 from rabbit_sim.perturbations.sensors import Noise
 from rabbit_sim.plant import SUBSTEP_SECONDS, SUBSTEPS, PlantReading
 from rabbit_sim.robot_urdf import perturbed_urdf
-from sensing import begun
+from sensing import begun, state_of
 
 U = np.array([10.0, -40.0, 80.0, 150.0])
 ENDS = SUBSTEP_SECONDS * np.arange(1, SUBSTEPS + 1)[:, None]
@@ -83,7 +83,7 @@ def reading():
 
 def measured(count, **changes):
     measure = begun(Noise, SimulationParameters(**changes), 1)
-    true = [Measured(each.q, each.dq, each.foot_force) for each in (reading() for _ in range(count))]
+    true = [state_of(each.q, each.dq, each.foot_force) for each in (reading() for _ in range(count))]
     found = [measure(each, reading()) for each in true]
     return [np.array([getattr(each, name) for each in found]) for name in ("q", "dq", "foot_force")]
 

@@ -5,11 +5,10 @@ import pytest
 from rabbit_description.gait import load_gaits
 from rabbit_description.state import TICK_SECONDS
 from rabbit_sim.parameters import SimulationParameters
-from rabbit_sim.perturbation import Measured
 from rabbit_sim.perturbations.sensors import ENCODER_STEP, Laboratory, mean_specific_force
 from rabbit_sim.plant import SUBSTEP_SECONDS, SUBSTEPS, PlantReading, gravity
 from rabbit_sim.simulation import Simulation
-from sensing import begun
+from sensing import begun, state_of
 
 G = 9.81
 PERFECT = dict.fromkeys(
@@ -58,7 +57,7 @@ def readings(acceleration):
 
 
 def exactly(reading):
-    return Measured(reading.q.copy(), reading.dq.copy(), reading.foot_force.copy())
+    return state_of(reading.q.copy(), reading.dq.copy(), reading.foot_force.copy())
 
 
 def test_a_rate_is_that_of_a_millisecond_ago():
@@ -66,7 +65,7 @@ def test_a_rate_is_that_of_a_millisecond_ago():
     exact = SimulationParameters(sensors="lab", encoder_resolution=1e-9, **PERFECT)
     measure = begun(Laboratory, exact)
     for number, reading in enumerate(readings(40.0), start=1):
-        rates = measure(exactly(reading), reading).body.joint_rates
+        rates = measure(exactly(reading), reading).sensors.joint_rates
         assert rates == pytest.approx(40.0 * (number * TICK_SECONDS - SUBSTEP_SECONDS), abs=1e-5)
 
 
@@ -74,7 +73,7 @@ def test_a_rate_is_that_of_a_millisecond_ago():
 def test_late_readings_are_those_of_earlier(delay):
     exact = SimulationParameters(sensors="lab", encoder_resolution=1e-9, sensor_delay=delay, **PERFECT)
     measure = begun(Laboratory, exact)
-    _, body = (measure(exactly(reading), reading).body for reading in readings(40.0))
+    _, body = (measure(exactly(reading), reading).sensors for reading in readings(40.0))
     time = 2 * TICK_SECONDS - delay
     assert body.joint_angles == pytest.approx(40.0 * time**2 / 2, abs=1e-8)
     assert body.joint_rates == pytest.approx(40.0 * (time - SUBSTEP_SECONDS), abs=1e-5)
@@ -83,7 +82,7 @@ def test_late_readings_are_those_of_earlier(delay):
 def test_an_angle_is_a_multiple_of_its_encoders_step():
     measure = begun(Laboratory, SimulationParameters(sensors="lab", **PERFECT))
     for reading in readings(40.0):
-        angles = measure(exactly(reading), reading).body.joint_angles
+        angles = measure(exactly(reading), reading).sensors.joint_angles
         assert angles / ENCODER_STEP == pytest.approx(np.round(angles / ENCODER_STEP), abs=1e-9)
         assert np.abs(angles - reading.q[3:]).max() <= ENCODER_STEP / 2
 
@@ -119,7 +118,7 @@ def test_constant_errors_are_constant_and_noise_has_its_spread():
     rate, force, offsets = [], [], []
     for seed in range(400):
         measure = begun(Laboratory, parameters, seed)
-        measured = [measure(exactly(reading), reading).body for reading in readings(0.0)]
+        measured = [measure(exactly(reading), reading).sensors for reading in readings(0.0)]
         offsets.append([each.joint_angles for each in measured])
         rate.append(measured[0].pitch_rate)
         force.append(measured[1].specific_force - (0, G))

@@ -6,20 +6,20 @@ from math import exp, pi, radians, sqrt, tan
 import numpy as np
 import pytest
 from pydantic import ValidationError
-from rabbit_description.state import BodySensors
+from rabbit_description.state import BodySensors, RobotState
 from rabbit_sim.actuation import Actuation
 from rabbit_sim.parameters import SimulationParameters
-from rabbit_sim.perturbation import Measured, Memory
+from rabbit_sim.perturbation import Memory
 from rabbit_sim.perturbations.encoders import EncoderDrift, EncoderGain, FilteredRates, StuckEncoders
 from rabbit_sim.perturbations.ground import TippingStones
 from rabbit_sim.perturbations.joints import DAHL_STIFFNESS, Cogging, CoupledJoints, FadingMotors, Hysteresis
 from rabbit_sim.perturbations.sensors import SensorDropout, SensorJitter
 from rabbit_sim.plant import SUBSTEP_SECONDS, PlantReading
-from sensing import begun
+from sensing import begun, state_of
 
 
-def measured(value: float) -> Measured:
-    return Measured(np.full(7, value), np.full(7, value), np.zeros((2, 2)))
+def measured(value: float) -> RobotState:
+    return state_of(np.full(7, value), np.full(7, value), np.zeros((2, 2)))
 
 
 def reading(q: float = 0.0, path: np.ndarray | None = None) -> PlantReading:
@@ -96,7 +96,7 @@ def test_the_second_of_a_lab_always_comes() -> None:
         measure = begun(SensorDropout, SimulationParameters(sensor_dropout=0.9), seed)
         for force in (np.nan, 9.8):
             body = BodySensors(np.zeros(4), np.zeros(4), np.array([1.0, 0.0]), 0.0, np.full(2, force))
-            seen = measure(replace(measured(0.0), body=body), reading()).body
+            seen = measure(replace(measured(0.0), sensors=body), reading()).sensors
             assert seen
             np.testing.assert_array_equal(seen.specific_force, body.specific_force)
 
@@ -158,9 +158,8 @@ def test_a_coupled_hip_pulls_at_its_own_knee() -> None:
 
 
 def test_an_encoder_with_a_gain_measures_the_rate_of_its_own_angle() -> None:
-    encoder, memory = EncoderGain(encoder_gain_spread=0.1), Memory(rng=np.random.default_rng(3))
-    encoder.begin(memory)
-    first, second = (encoder.measure(memory, measured(value), reading()) for value in (1.0, 2.0))
+    measure = begun(EncoderGain, SimulationParameters(encoder_gain_spread=0.1), 3)
+    first, second = (measure(measured(value), reading()) for value in (1.0, 2.0))
     assert second.q[3:] == pytest.approx(2 * first.q[3:])
     assert first.q[3:] == pytest.approx(first.dq[3:])
     assert len(set(first.q[3:])) == 4
@@ -168,8 +167,7 @@ def test_an_encoder_with_a_gain_measures_the_rate_of_its_own_angle() -> None:
 
 
 def test_filtered_rates_reach_a_step_as_a_filter_of_first_order_does() -> None:
-    rates, memory = FilteredRates(rate_lag=0.02), Memory()
-    rates.begin(memory)
-    rates.measure(memory, measured(0.0), reading())
-    after = [rates.measure(memory, measured(1.0), reading()).dq[3] for _ in range(5)]
+    measure = begun(FilteredRates, SimulationParameters(rate_lag=0.02))
+    measure(measured(0.0), reading())
+    after = [measure(measured(1.0), reading()).dq[3] for _ in range(5)]
     assert after == pytest.approx(1 - np.exp(-0.01 * np.arange(1, 6) / 0.02))

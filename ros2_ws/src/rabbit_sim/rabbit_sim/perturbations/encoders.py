@@ -3,9 +3,9 @@
 from math import exp
 
 import numpy as np
-from rabbit_description.state import JOINTS, TICK_SECONDS
+from rabbit_description.state import JOINTS, TICK_SECONDS, RobotState
 
-from rabbit_sim.perturbation import Control, Measured, Memory, Number, Perturbation, setting
+from rabbit_sim.perturbation import Control, Memory, Number, Perturbation, setting
 from rabbit_sim.plant import PlantReading
 
 FREE_SECONDS = 1.0  # mean time until a joint's encoder sticks
@@ -23,11 +23,10 @@ class EncoderGain(Perturbation):
     def begin(self, memory: Memory) -> None:
         memory.gain = 1 + self.encoder_gain_spread * memory.rng.standard_normal(JOINTS)
 
-    def measure(self, memory: Memory, measured: Measured, reading: PlantReading) -> Measured:
-        angles, rates = measured.joints
+    def measure(self, memory: Memory, state: RobotState, reading: PlantReading) -> None:
+        angles, rates = state.joints
         angles *= memory.gain
         rates *= memory.gain
-        return measured
 
 
 class FilteredRates(Perturbation):
@@ -45,12 +44,11 @@ class FilteredRates(Perturbation):
     def begin(self, memory: Memory) -> None:
         memory.rates = None
 
-    def measure(self, memory: Memory, measured: Measured, reading: PlantReading) -> Measured:
-        _, rates = measured.joints
+    def measure(self, memory: Memory, state: RobotState, reading: PlantReading) -> None:
+        _, rates = state.joints
         if memory.rates is not None:
             rates[:] = memory.rates + (1 - exp(-TICK_SECONDS / self.rate_lag)) * (rates - memory.rates)
         memory.rates = rates.copy()
-        return measured
 
 
 class EncoderDrift(Perturbation):
@@ -65,13 +63,12 @@ class EncoderDrift(Perturbation):
     def begin(self, memory: Memory) -> None:
         memory.direction, memory.offset = memory.rng.standard_normal(JOINTS), np.zeros(JOINTS)
 
-    def measure(self, memory: Memory, measured: Measured, reading: PlantReading) -> Measured:
-        angles, rates = measured.joints
+    def measure(self, memory: Memory, state: RobotState, reading: PlantReading) -> None:
+        angles, rates = state.joints
         drift = self.encoder_drift * memory.direction
         angles += memory.offset
         rates += drift
         memory.offset = memory.offset + TICK_SECONDS * drift
-        return measured
 
 
 class StuckEncoders(Perturbation):
@@ -93,8 +90,8 @@ class StuckEncoders(Perturbation):
     def begin(self, memory: Memory) -> None:
         memory.ticks, memory.joint, memory.angle = 0, 0, 0.0
 
-    def measure(self, memory: Memory, measured: Measured, reading: PlantReading) -> Measured:
-        angles, rates = measured.joints
+    def measure(self, memory: Memory, state: RobotState, reading: PlantReading) -> None:
+        angles, rates = state.joints
         if not memory.ticks and memory.rng.random() < 1 - exp(-TICK_SECONDS / FREE_SECONDS):
             memory.ticks = max(round(self.stuck_seconds / TICK_SECONDS), 1)
             memory.joint = int(memory.rng.integers(JOINTS))
@@ -102,4 +99,3 @@ class StuckEncoders(Perturbation):
         if memory.ticks:
             memory.ticks -= 1
             angles[memory.joint], rates[memory.joint] = memory.angle, 0.0
-        return measured

@@ -6,15 +6,16 @@ the attitude from the vertical that it integrates, and the mean of the accelerom
 All of it may arrive late: a tick's readings are then those of `sensor_delay` earlier.
 """
 
+from copy import deepcopy
 from math import isnan, pi, radians
 from typing import Literal, Self
 
 import numpy as np
 from pydantic import model_validator
 from rabbit_description.planar_urdf import BASE, SLIDES
-from rabbit_description.state import DOF, JOINTS, TICK_SECONDS, Array, BodySensors, orientation_of
+from rabbit_description.state import DOF, JOINTS, TICK_SECONDS, Array, BodySensors, RobotState, orientation_of
 
-from rabbit_sim.perturbation import Control, Measured, Memory, Number, Perturbation, WholeSubsteps, setting
+from rabbit_sim.perturbation import Control, Memory, Number, Perturbation, WholeSubsteps, setting
 from rabbit_sim.plant import SUBSTEP_SECONDS, SUBSTEPS, PlantReading, gravity
 
 ENCODER_STEP = 2 * pi / 2**14  # rad, of a lab's encoders unless another is given
@@ -35,16 +36,15 @@ class Noise(Perturbation):
     )
     force_noise: Number = setting(0.0, 0, 1000, "std of the measured foot forces, N")
 
-    def measure(self, memory: Memory, measured: Measured, reading: PlantReading) -> Measured:
-        rng, q, dq, force = memory.rng, measured.q, measured.dq, measured.foot_force
-        if measured.body is None:
+    def measure(self, memory: Memory, state: RobotState, reading: PlantReading) -> None:
+        rng = memory.rng
+        if state.sensors is None:
             if self.encoder_resolution > 0:
-                q[SLIDES:] = rounded(q[SLIDES:], self.encoder_resolution)
+                state.q[SLIDES:] = rounded(state.q[SLIDES:], self.encoder_resolution)
             if self.velocity_noise > 0:
-                dq[SLIDES:] += self.velocity_noise * rng.standard_normal(DOF - SLIDES)
+                state.dq[SLIDES:] += self.velocity_noise * rng.standard_normal(DOF - SLIDES)
         if self.force_noise > 0:
-            force += self.force_noise * rng.standard_normal((2, 2))
-        return Measured(q, dq, force, measured.body)
+            state.foot_force += self.force_noise * rng.standard_normal((2, 2))
 
 
 class Laboratory(Perturbation):
@@ -77,7 +77,7 @@ class Laboratory(Perturbation):
         memory.attitude_error = self.attitude_error * rng.standard_normal()
         memory.trace = None  # states of the last two ticks, a substep apart
 
-    def measure(self, memory: Memory, measured: Measured, reading: PlantReading) -> Measured:
+    def measure(self, memory: Memory, state: RobotState, reading: PlantReading) -> None:
         p, rng, last, path = memory.parameters, memory.rng, memory.trace, reading.path
         if path is None:  # a reset
             path = until(np.concatenate([reading.q, reading.dq]))
@@ -90,15 +90,14 @@ class Laboratory(Perturbation):
             specific_force = mean_specific_force(path, gravity(p.slope))
             specific_force += memory.accelerometer_bias + self.accelerometer_noise * rng.standard_normal(2)
         angles = rounded(path[-RATE_SAMPLES:, BASE:DOF] + memory.offset, p.encoder_resolution or ENCODER_STEP)
-        body = BodySensors(
+        state.q, state.dq = np.full((2, DOF), np.nan)
+        state.sensors = BodySensors(
             joint_angles=angles[-1],
             joint_rates=(angles[-1] - angles[0]) / ((RATE_SAMPLES - 1) * SUBSTEP_SECONDS),
             orientation=orientation_of(path[-1, 2] - radians(p.slope) + memory.attitude_error),  # from the vertical
             pitch_rate=float(path[-1, DOF + SLIDES] + memory.gyro_bias + self.gyro_noise * rng.standard_normal()),
             specific_force=specific_force,
         )
-        unknown = np.full(DOF, np.nan)
-        return Measured(unknown, unknown.copy(), measured.foot_force, body)
 
 
 class SensorJitter(Perturbation):
@@ -124,13 +123,12 @@ class SensorJitter(Perturbation):
     def begin(self, memory: Memory) -> None:
         memory.trace = np.zeros((0, 2 * DOF))  # states of the last ticks, a substep apart
 
-    def measure(self, memory: Memory, measured: Measured, reading: PlantReading) -> Measured:
+    def measure(self, memory: Memory, state: RobotState, reading: PlantReading) -> None:
         oldest = round(self.sensor_jitter / SUBSTEP_SECONDS)
-        path = reading.path if reading.path is not None else np.concatenate([measured.q, measured.dq])[None]
+        path = reading.path if reading.path is not None else np.concatenate([state.q, state.dq])[None]
         memory.trace = np.vstack([memory.trace, path])[-oldest - SUBSTEPS :]
         age = min(int(memory.rng.integers(oldest + 1)), len(memory.trace) - 1)
-        state = memory.trace[-1 - age]
-        return Measured(state[:DOF].copy(), state[DOF:].copy(), measured.foot_force)
+        state.q, state.dq = memory.trace[-1 - age].reshape(2, DOF).copy()
 
 
 class SensorDropout(Perturbation):
@@ -148,13 +146,12 @@ class SensorDropout(Perturbation):
     def begin(self, memory: Memory) -> None:
         memory.last = None
 
-    def measure(self, memory: Memory, measured: Measured, reading: PlantReading) -> Measured:
+    def measure(self, memory: Memory, state: RobotState, reading: PlantReading) -> None:
         is_lost = memory.last is not None and memory.rng.random() < self.sensor_dropout
-        body = memory.last.body if is_lost else None
+        body = memory.last[-1] if is_lost else None
         if not is_lost or (body and isnan(body.specific_force[0])):
-            memory.last = measured
-        last: Measured = memory.last.copy()
-        return last
+            memory.last = deepcopy((state.q, state.dq, state.foot_force, state.sensors))
+        state.q, state.dq, state.foot_force, state.sensors = deepcopy(memory.last)
 
 
 def until(state: Array) -> Array:

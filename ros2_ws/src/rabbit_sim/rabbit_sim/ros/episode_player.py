@@ -86,7 +86,7 @@ class EpisodePlayer:
         if self.state is None or self.state.tick == 0:
             self.ticks.due = False  # the first tick begins at the next pace after its torque
             return False
-        torque, source = self.stand_in.missed(self.state.joint_rates)
+        torque, source = self.stand_in.missed(self.state.joints[1])
         gave_up = source is Source.HELD and self.stand_in.gave_up
         self._step(torque, source)
         return gave_up
