@@ -185,14 +185,14 @@ class BatchSimulation:
         is_alone = np.array([plant.feeds_back or plant.model.nq != DOF for plant in plants])
         self._alone, numbers = is_alone.nonzero()[0].tolist(), (~is_alone).nonzero()[0]
         self._numbers, self._together = numbers.tolist(), numbers if is_alone.any() else slice(None)
-        self._draws_noise = np.array([not simulation.is_exact for simulation in self.simulations])
+        self._draws_noise = np.array([bool(own._measuring or own._estimate) for own in self.simulations])
         slips = [SLIP_DISTANCE - ROUNDING if p.ground_friction <= SLIP_FRICTION else np.inf for p in parameters]
         heights, pitches = ([getattr(p, name) for p in parameters] for name in ("fall_height", "fall_pitch"))
         self._limits = np.array([heights, pitches, slips])
         shapes = np.array([leg_shape(parameters[i]) for i in self._numbers]).reshape(-1, len(LegShape._fields))
         self._shapes = shapes.T[:, :, None, None]
         self._models = [plants[i].model for i in self._numbers]
-        self._pushed = [row for row, i in enumerate(self._numbers) if self.simulations[i].is_pushed]
+        self._pushed = [row for row, i in enumerate(self._numbers) if self.simulations[i]._pushing]
         for i, plant in enumerate(plants):
             plant.watch.clear = self._is_clear[i]
         if self._models:

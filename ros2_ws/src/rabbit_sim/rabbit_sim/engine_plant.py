@@ -21,7 +21,6 @@ from rabbit_sim.terrain import Ground
 from rabbit_sim.touchdown_detector import Feet, TouchdownDetector
 
 STONE_DEPTH = 1.0  # m
-NO_PUSH, NOT_PUSHED = np.zeros(0), [0.0] * SUBSTEPS  # N
 
 JointStates = tuple[list[float], list[float]]  # q, dq: seven each
 Forces = list[list[float]]  # on each foot in a substep, rows left, right; columns x, z; N
@@ -57,7 +56,7 @@ class EnginePlant(Plant, ABC):
         self._memories = [Memory(joints=q[BASE:].copy(), rates=dq[BASE:].copy()) for _ in self._transmissions]
         for each, memory in zip(self._transmissions, self._memories, strict=True):
             each.begin(memory)
-        self._push, self._push_in_tick = NO_PUSH, NO_PUSH
+        self._push = np.zeros(0)  # in the next substeps, N
         self._force = np.zeros((2, 2))
         self._contact = np.array([stance is Leg.LEFT, stance is Leg.RIGHT])
         self.watch = TouchdownDetector(self._locate_feet)
@@ -74,13 +73,8 @@ class EnginePlant(Plant, ABC):
 
     def next_pushes(self) -> list[float]:
         """On the torso in the next tick's substeps, N."""
-        if self._push is NO_PUSH and self._push_in_tick is NO_PUSH:
-            return NOT_PUSHED
-        pushes = np.zeros(SUBSTEPS)
-        for each in (self._push_in_tick, self._push[:SUBSTEPS]):
-            pushes[: len(each)] += each
-        self._push, self._push_in_tick = self._push[SUBSTEPS:], NO_PUSH
-        return pushes.tolist()
+        pushes, self._push = self._push[:SUBSTEPS].tolist(), self._push[SUBSTEPS:]
+        return pushes + [0.0] * (SUBSTEPS - len(pushes))
 
     def follow(self, states: Array, forces: Array) -> None:
         """Take in a tick that an engine has walked elsewhere from this plant's state, as if it had been walked here.
@@ -127,7 +121,8 @@ class EnginePlant(Plant, ABC):
 
     def push_for_tick(self, forces: Array) -> None:
         """See `Plant`."""
-        self._push_in_tick = forces if self._push_in_tick is NO_PUSH else self._push_in_tick + forces
+        self._push = np.append(self._push, np.zeros(max(SUBSTEPS - len(self._push), 0)))
+        self._push[:SUBSTEPS] += forces
 
     def observe(self) -> PlantReading:
         """The truth after the last tick."""

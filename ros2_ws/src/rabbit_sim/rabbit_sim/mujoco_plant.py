@@ -28,13 +28,8 @@ from rabbit_sim.terrain import KEPT_STONES
 
 IMPEDANCE = (0.5, 0.5, 0.001, 0.5, 2.0)  # 1/2, whatever the penetration
 AWAY = -100.0  # m, where unused stones lie
-FOOT = {  # priority: its friction and softness count, not the stone's
-    "type": "sphere",
-    "priority": "1",
-    "condim": "3",
-    "contype": "1",
-    "conaffinity": "0",
-}
+# by its priority the friction and softness of a foot count, not the stone's
+FOOT = {"type": "sphere", "priority": "1", "condim": "3", "contype": "1", "conaffinity": "0"}
 JOINTS = {"JointModelPX": ("slide", "1 0 0"), "JointModelPZ": ("slide", "0 0 1"), "JointModelRY": ("hinge", "0 1 0")}
 FEET = ("left_foot", "right_foot")
 

@@ -13,7 +13,7 @@ from collections import deque
 from dataclasses import dataclass, field
 from enum import IntEnum
 
-from rabbit_description.state import Array
+from rabbit_description.state import Array, no_torque
 
 LATE_SECONDS = 0.002  # later than this, a tick is late
 WINDOW = 6000  # newest ticks that fitness is judged by, one minute
@@ -36,7 +36,7 @@ class StandIn:
 
     def begin(self) -> None:
         """A new episode."""
-        self._last: Array | None = None
+        self._last: Array = no_torque()
         self._held = self._damped = 0
         self.gave_up = False
 
@@ -50,13 +50,10 @@ class StandIn:
         self._last, self._held = torque, 0
 
     def missed(self, rates: Array) -> tuple[Array, Source]:
-        """A tick had none: what acts in its place, (4,) N m, for the joints' `rates` (4,) it began with, rad/s.
+        """A tick had no answer, but an earlier one had: what acts in its place, (4,) N m.
 
-        Raises:
-            RuntimeError: before the first answer there is nothing to hold.
+        `rates` (4,): of the joints as it began, rad/s.
         """
-        if self._last is None:
-            raise RuntimeError("missed before any answer: nothing moves before the first torque")
         if self.gave_up or self._held >= self._held_ticks:
             self.gave_up = True
             self._damped += 1

@@ -6,6 +6,7 @@ is mapped into memory: noting a tick costs nothing, and what a killed process ha
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -63,12 +64,8 @@ class RestartFile:
         values = dict(zip(_LAYOUT.names or (), (*numbers, policy.decode("ascii")), strict=True))
         return RestartPoint(**{**values, "running": bool(values["running"])})
 
-    def note(self, stand: RestartPoint) -> None:
-        """Keep where the simulator stands."""
-        self._kept[0] = tuple(vars(stand).values())
-
-    def note_tick(self, **numbers: int) -> None:
-        """Keep what a tick changes of it."""
+    def note(self, **values: Any) -> None:
+        """Keep values of a `RestartPoint`, by name."""
         kept = self._kept[0]
-        for name, value in numbers.items():
+        for name, value in values.items():
             kept[name] = value

@@ -115,16 +115,6 @@ class Simulation:
         return self._state()
 
     @property
-    def is_exact(self) -> bool:
-        """Whether a state of this episode is the truth: no sensor changes it, and nothing is estimated."""
-        return not self._measuring and self._estimate is None
-
-    @property
-    def is_pushed(self) -> bool:
-        """Whether a perturbation pushes the torso in this episode."""
-        return bool(self._pushing)
-
-    @property
     def stones(self) -> tuple[Span, ...]:
         """Edges of the ground placed since the reset, the first platform and the next stone included; world x, m."""
         return tuple(self._terrain.placed)
@@ -241,15 +231,12 @@ class Simulation:
         flies = self._airborne_ticks > 0 and self._airborne_ticks >= flight_ticks(self.parameters, self._dropped())
         if flies and not self._fell_into_gap:
             return Outcome.FLIGHT
-        if self.parameters.ground_friction <= SLIP_FRICTION and self._travel(reading) > SLIP_DISTANCE:
+        travel = abs(reading.foot_position[self._stance, 0] - self._stance_x)  # since the stance foot came down
+        if self.parameters.ground_friction <= SLIP_FRICTION and travel > SLIP_DISTANCE:
             return Outcome.SLIP
         if self._tick - self._step_began >= STALL_TICKS:
             return Outcome.STALL
         return Outcome.RUNNING
-
-    def _travel(self, reading: PlantReading) -> float:
-        """Of the stance foot since it came down, m."""
-        return float(abs(reading.foot_position[self._stance, 0] - self._stance_x))
 
     def _dropped(self) -> float:
         """By how much the stone underfoot has given way, m."""

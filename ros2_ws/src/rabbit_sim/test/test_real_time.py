@@ -55,11 +55,6 @@ def test_after_the_last_held_tick_no_answer_counts() -> None:
     assert not stand_in.gave_up
 
 
-def test_nothing_is_held_before_the_first_answer() -> None:
-    with pytest.raises(RuntimeError, match="before any answer"):
-        StandIn(2, 3, DAMPING).missed(RATES)
-
-
 def test_fitness_is_the_share_of_late_ticks_in_the_newest_minute() -> None:
     limit = 0.001
     allowed = round(limit * WINDOW)

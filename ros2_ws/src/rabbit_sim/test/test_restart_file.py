@@ -14,7 +14,7 @@ def test_a_killed_process_has_noted_all(tmp_path: Path) -> None:
     if child == 0:
         memory = RestartFile(path)
         for tick in range(1000):
-            memory.note(RestartPoint(3, tick, 5000 + tick, True, 2, 2**64 - 1, 0.5, "ba639a4ab431"))
+            memory.note(**vars(RestartPoint(3, tick, 5000 + tick, True, 2, 2**64 - 1, 0.5, "ba639a4ab431")))
         os.kill(os.getpid(), signal.SIGKILL)
     os.waitpid(child, 0)
     assert RestartFile(path).stand == RestartPoint(3, 999, 5999, True, 2, 2**64 - 1, 0.5, "ba639a4ab431")

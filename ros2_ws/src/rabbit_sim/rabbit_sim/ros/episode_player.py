@@ -17,7 +17,7 @@ from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.real_time import Source, StandIn
 from rabbit_sim.restart_file import RestartFile
 from rabbit_sim.ros.live_controllers import REPEAT_SECONDS, ControllerAdmission, Wait
-from rabbit_sim.ros.publishers import SimulatorPublishers, episode_of, of_our_robot, restart_point
+from rabbit_sim.ros.publishers import KEPT, SimulatorPublishers, episode_of, of_our_robot
 from rabbit_sim.ros.tick_clock import TickClock
 from rabbit_sim.simulation import Simulation
 
@@ -28,7 +28,7 @@ class EpisodePlayer:
     """`episode`: where it stands; `state`: whose torque is awaited, None between episodes; `torque`: its answer.
 
     `clock_ticks`: since the clock began; `wait`: for that, or for what the next episode needs; `ticks`: their pace;
-    `admission`: who may answer; `stand_in`: what acts in real time where nobody does.
+    `topics`: what it publishes; `admission`: who may answer; `stand_in`: what acts in real time where nobody does.
     """
 
     def __init__(
@@ -46,7 +46,7 @@ class EpisodePlayer:
         self.stand_in = StandIn(own.held_ticks, own.damped_ticks, own.damping)
         self.admission, self.wait = ControllerAdmission(), Wait()
         self.ticks = TickClock(node, own.late_limit, on_due)
-        self._topics = SimulatorPublishers(node, plant, own)
+        self.topics = SimulatorPublishers(node, plant, own)
         if before.running:
             self._log.warning(f"episode {before.episode}, tick {before.tick}: {self.episode.reason}")
 
@@ -55,11 +55,6 @@ class EpisodePlayer:
         """|F_T| / F_N of the stance foot as measured; NaN where it is not loaded."""
         state = self.state
         return math.nan if state is None else float(force_ratio(state.foot_force[Leg.standing(state.touchdowns)]))
-
-    @property
-    def readers(self) -> int:
-        """Nodes that hear the state."""
-        return self._topics.readers
 
     def begin(self, seed: int, sigma: float = math.nan, policy: str = "") -> None:
         """Reset the plant; tick 0 goes out at once."""
@@ -72,7 +67,7 @@ class EpisodePlayer:
         self.state = state = self.simulation.reset(seed)
         number = self.episode.episode + 1
         self.episode = of_our_robot(episode=number, seed=seed, sigma=sigma, policy_version=policy, stones=plant.stones)
-        self._topics.begin(self.episode)
+        self.topics.begin(self.episode)
         self.announce(Episode.RUNNING)
         self._publish(state)
 
@@ -110,7 +105,7 @@ class EpisodePlayer:
             return
         self.episode.outcome, self.episode.reason = outcome, reason[:128]
         self.announce(Episode.ENDED)
-        self._topics.end(self.episode)
+        self.topics.end(self.episode)
         if 0 < self._own.episodes <= self.episode.episode and reason != BY_SERVICE:
             self._log.info("all episodes are done")
         self.state = self.torque = None
@@ -119,8 +114,9 @@ class EpisodePlayer:
     def announce(self, phase: int) -> None:
         """Publish where the episode stands."""
         self.episode.phase, self.episode.header = phase, header(self.clock_ticks)
-        self._memory.note(restart_point(self.episode, self.clock_ticks))
-        self._topics.episodes.publish(self.episode)
+        kept = {name: getattr(self.episode, name) for name in KEPT}
+        self._memory.note(clock_ticks=self.clock_ticks, running=phase in (Episode.RUNNING, Episode.PAUSED), **kept)
+        self.topics.episodes.publish(self.episode)
 
     def give_up(self, reason: str) -> None:
         """The next episode cannot begin: say so once."""
@@ -167,13 +163,13 @@ class EpisodePlayer:
     def ask_again(self, state: RobotState) -> None:
         """Announce the episode and publish the state once more."""
         self.announce(Episode.RUNNING)
-        self._topics.again(state, self.episode.episode, header(self.clock_ticks))
+        self.topics.again(state, self.episode.episode, header(self.clock_ticks))
 
     def _publish(self, state: RobotState) -> None:
         """A tick's messages."""
-        self._memory.note_tick(clock_ticks=self.clock_ticks, tick=state.tick, touchdowns=state.touchdowns)
+        self._memory.note(clock_ticks=self.clock_ticks, tick=state.tick, touchdowns=state.touchdowns)
         set_time(self._now, self.clock_ticks)
-        self._topics.tick(state, self.episode.episode, self._now, self.simulation.landings, self.simulation.reading)
+        self.topics.tick(state, self.episode.episode, self._now, self.simulation.landings, self.simulation.reading)
         self.ticks.sent()
         if self.wait.reminders:
             self._log.warning(f"goes on with tick {state.tick} of episode {self.episode.episode}")

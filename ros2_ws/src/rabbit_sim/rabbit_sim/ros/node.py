@@ -152,7 +152,7 @@ class SimulatorNode(CheckedNode):
             self._player.begin(self._own.seed + done)
 
     def _answered_by_someone(self) -> bool:
-        return self._player.readers >= self._own.readers and self._live_controllers.any
+        return self._player.topics.readers >= self._own.readers and self._live_controllers.any
 
     def _set_pace(self, own: NodeParameters) -> None:
         """Follow a new pace between two ticks."""

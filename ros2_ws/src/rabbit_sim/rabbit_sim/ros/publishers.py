@@ -127,12 +127,6 @@ class SimulatorPublishers:
 KEPT = ("episode", "tick", "touchdowns", "seed", "sigma", "policy_version")  # of an episode, in the restart file
 
 
-def restart_point(e: Episode, clock_ticks: int) -> RestartPoint:
-    """What the restart file holds of an episode."""
-    running = e.phase in (Episode.RUNNING, Episode.PAUSED)
-    return RestartPoint(clock_ticks=clock_ticks, running=running, **{name: getattr(e, name) for name in KEPT})
-
-
 def of_our_robot(**fields: Any) -> Episode:
     """An announcement, with the names of what our arrays hold."""
     return Episode(**{name: list(names) for name, names in LAYOUT.items()}, **fields)
