@@ -24,7 +24,7 @@ from rabbit_bringup.cli import loaded, summary
 from rabbit_common.ros import qos
 from rabbit_common.ros.topics import SERVICES, TOPICS, type_name
 from rabbit_recording.ros import recorder
-from rabbit_sim.node_parameters import NodeParameters as SimulatorParameters
+from rabbit_sim.parameters import NodeParameters as SimulatorParameters
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_viewer.live.parameters import ViewerParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters

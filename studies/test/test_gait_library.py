@@ -9,7 +9,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from rabbit_description import DEFAULT_GAIT, LIBRARIES
-from rabbit_description.gait import Gait, GaitError, GaitLibrary, load_gait, load_gaits, shipped_libraries
+from rabbit_description.gait import Gait, GaitError, GaitLibrary, load_gait, load_gaits, shipped
 from rabbit_description.state import Array, StonePreview
 from rabbit_description.yaml_file import dump_yaml, read_mapping
 from rabbit_gait_design import GaitSpecification
@@ -34,7 +34,7 @@ from rl_cbf_clf_controller.virtual_constraints import RABBIT_ANGLES, VirtualCons
 NAME = "wide"
 LIBRARY = load_gaits(NAME)
 assert isinstance(LIBRARY, GaitLibrary)
-SHIPPED = [gait for name in shipped_libraries() for gait in load_gaits(name).gaits]  # type: ignore[union-attr]
+SHIPPED = [gait for name in shipped(LIBRARIES) for gait in load_gaits(name).gaits]  # type: ignore[union-attr]
 CONTENT: dict[str, Any] = read_mapping(LIBRARIES / f"{NAME}.yaml")
 LENGTHS = st.floats(LIBRARY.lengths[0], LIBRARY.lengths[-1])
 SLOPED = load_gaits("slopes")

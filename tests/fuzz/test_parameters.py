@@ -19,8 +19,7 @@ from rabbit_gait_design.specification import GaitSpecification
 from rabbit_sim.actuation import Actuation
 from rabbit_sim.initial_state import initial_state
 from rabbit_sim.mujoco_plant import MujocoPlant
-from rabbit_sim.node_parameters import NodeParameters
-from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.parameters import NodeParameters, SimulationParameters
 from rabbit_sim.robot_urdf import perturbed_urdf
 from rabbit_sim.stones import draw_course
 from rabbit_viewer.live.parameters import ViewerParameters

@@ -22,8 +22,7 @@ from launch_ros.parameter_descriptions import ParameterValue
 from rabbit_bringup.commands.walk import DEFAULTS as WALK
 from rabbit_bringup.ros.launch_actions import arguments, arguments_of, node, parameters_of
 from rabbit_common.options import Defaults
-from rabbit_sim.node_parameters import NodeParameters
-from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.parameters import NodeParameters, SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.weights import SHIPPED
 

@@ -137,14 +137,9 @@ class GaitLibrary(GaitFile):
 Gaits = Gait | GaitLibrary
 
 
-def shipped_gaits() -> list[str]:
-    """Names of the gaits that come with the package."""
-    return sorted(path.stem for path in GAITS.glob("*.yaml"))
-
-
-def shipped_libraries() -> list[str]:
-    """Names of the libraries that come with the package."""
-    return sorted(path.stem for path in LIBRARIES.glob("*.yaml"))
+def shipped(folder: Path) -> list[str]:
+    """Names of the gaits or libraries that come with the package, in `GAITS` or `LIBRARIES`."""
+    return sorted(path.stem for path in folder.glob("*.yaml"))
 
 
 def parse_gaits(content: Any) -> Gaits:
@@ -167,10 +162,10 @@ def load_gaits(name_or_path: str | Path) -> Gaits:
     """
     path = Path(name_or_path)
     if path.suffix != ".yaml":
-        shipped = (folder / f"{name_or_path}.yaml" for folder in (GAITS, LIBRARIES))
-        path = next((each for each in shipped if each.is_file()), path)
+        places = (folder / f"{name_or_path}.yaml" for folder in (GAITS, LIBRARIES))
+        path = next((each for each in places if each.is_file()), path)
     if not path.is_file():
-        names = f"gaits are {', '.join(shipped_gaits())}; libraries are {', '.join(shipped_libraries())}"
+        names = f"gaits are {', '.join(shipped(GAITS))}; libraries are {', '.join(shipped(LIBRARIES))}"
         raise GaitError(f"gait: no file {path}; shipped {names}")
     try:
         return _gaits_of(read_text(path, MOST_BYTES))

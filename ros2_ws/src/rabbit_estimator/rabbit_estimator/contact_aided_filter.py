@@ -68,18 +68,13 @@ class ContactAidedFilter:
     `mean` (28,) and `covariance` (28, 28) of x; `innovation` of the last tick, None at tick 0.
     """
 
-    mean: Array
-    covariance: Array
-    innovation: Innovation | None
-    _feet: RobotState
-
     def __init__(self, parameters: EstimatorParameters) -> None:
         self.parameters = parameters
         self._f, self._h = constant_transition(), constant_derivatives(parameters)
         self._wandering, self._noise = process_noise(parameters), measurement_noise(parameters)
         self._shaken = [shock_noise(parameters, stance) for stance in Leg]
         self._sinking = 1 - np.exp(-DT / parameters.sinking_time)
-        self.innovation = None
+        self.innovation: Innovation | None = None
         self._tick = -1
 
     def update(self, state: RobotState) -> RobotState:

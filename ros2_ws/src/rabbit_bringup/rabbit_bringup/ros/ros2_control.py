@@ -36,7 +36,7 @@ from rabbit_estimator.contact_aided_filter import ContactAidedFilter, EstimatorE
 from rabbit_estimator.parameters import EstimatorParameters
 from rabbit_msgs.msg import TorqueCommand
 from rabbit_sim.kinematics import RabbitFeet
-from rabbit_sim.node_parameters import NodeParameters
+from rabbit_sim.parameters import NodeParameters
 from rabbit_sim.plant import CLEAR_HEIGHT, CONTACT_FORCE, PlantReading, Span, Touch
 from rabbit_sim.ros.node import ERRORS, SimulatorNode
 from rclpy.qos import qos_profile_sensor_data
@@ -164,7 +164,6 @@ class HardwareNode(SimulatorNode):
         self._stamps = dict.fromkeys(("joint_states", "imu", *FEET), 0)  # of the newest messages, ns
         self._read: dict[str, Any] = {}
         self._ticked, self._sensed = 0, time.monotonic()  # stamp of the newest tick, ns; when it came
-        self._player.ticks.measures = True
         self._hear(JointState, "joint_states", self._on_joints, qos_profile_sensor_data)
         self._hear(Imu, "imu", self._on_imu, qos_profile_sensor_data)
         for foot in FEET:

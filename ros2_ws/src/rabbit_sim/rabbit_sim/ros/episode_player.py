@@ -12,8 +12,7 @@ from rabbit_description.state import Array, Leg, RobotState
 from rabbit_msgs.msg import Episode, TorqueCommand
 from rclpy.node import Node
 
-from rabbit_sim.node_parameters import NodeParameters
-from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.parameters import NodeParameters, SimulationParameters
 from rabbit_sim.real_time import Source, StandIn
 from rabbit_sim.restart_file import RestartFile
 from rabbit_sim.ros.live_controllers import REPEAT_SECONDS, ControllerAdmission, Wait

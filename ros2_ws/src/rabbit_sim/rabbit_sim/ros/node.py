@@ -18,8 +18,7 @@ from rabbit_msgs.msg import Episode, EpisodePlan, TorqueCommand
 from rabbit_msgs.srv import ResetEpisode
 from std_srvs.srv import SetBool
 
-from rabbit_sim.node_parameters import NodeParameters
-from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.parameters import NodeParameters, SimulationParameters
 from rabbit_sim.restart_file import RestartFileError
 from rabbit_sim.ros.episode_player import BY_SERVICE, EpisodePlayer
 from rabbit_sim.ros.live_controllers import LOOK_SECONDS, LiveControllers

@@ -27,8 +27,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import Header
 
-from rabbit_sim.node_parameters import NodeParameters
-from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.parameters import NodeParameters, SimulationParameters
 from rabbit_sim.plant import PlantReading
 from rabbit_sim.restart_file import RestartPoint
 from rabbit_sim.simulation import Landing

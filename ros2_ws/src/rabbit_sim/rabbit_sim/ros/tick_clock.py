@@ -18,13 +18,10 @@ NANOSECOND = 1e-9
 
 
 class TickClock:
-    """Times by the clock that the node's timers go by. `due`: the next tick may be simulated.
-
-    `measures`: how long torques take, as they do in real time.
-    """
+    """Times by the clock that the node's timers go by. `due`: the next tick may be simulated."""
 
     def __init__(self, node: Node, late_limit: float, on_due: Callable[[], None]) -> None:
-        self.punctuality, self.due, self.measures = Punctuality(late_limit), True, False
+        self.punctuality, self.due = Punctuality(late_limit), True
         self._node, self._on_due = node, on_due
         self._timer: Timer | None = None
         self._clock = Clock(clock_type=ClockType.STEADY_TIME)
@@ -40,7 +37,7 @@ class TickClock:
             self._period = TICK_SECONDS / pace
             self._timer = steady_timer(self._node, self._period, self._tick_is_due)
             self._due_at, self._late = self._now(), 0.0
-        self.due, self.measures = self._timer is None, self._timer is not None
+        self.due = self._timer is None
 
     def _tick_is_due(self) -> None:
         """One that comes too late is followed by a whole next one."""
@@ -54,13 +51,11 @@ class TickClock:
 
     def sent(self) -> None:
         """A state went out."""
-        if self.measures:
-            self._sent, self._response = self._now(), math.nan
+        self._sent, self._response = self._now(), math.nan
 
     def answered(self) -> None:
         """Its torque came in."""
-        if self.measures:
-            self._response = self._now() - self._sent
+        self._response = self._now() - self._sent
 
     def simulated(self, at: Header, episode: int, tick: int, source: Source) -> None:
         """A tick of real time that began `at` this time was simulated under what `source` says."""
