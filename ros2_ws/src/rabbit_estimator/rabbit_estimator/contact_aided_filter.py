@@ -68,6 +68,8 @@ class ContactAidedFilter:
     `mean` (28,) and `covariance` (28, 28) of x; `innovation` of the last tick, None at tick 0.
     """
 
+    _feet: RobotState
+
     def __init__(self, parameters: EstimatorParameters) -> None:
         self.parameters = parameters
         self._f, self._h = constant_transition(), constant_derivatives(parameters)

@@ -51,14 +51,6 @@ def setting(default: Any, low: Any, high: Any, description: str, control: Contro
     return Field(default, ge=low, le=high, description=description, json_schema_extra=extra)
 
 
-def child(element: Element, path: str) -> Element:
-    """Of a URDF's element; raises ValueError where there is none."""
-    found = element.find(path)
-    if found is None:
-        raise ValueError(f"URDF: {element.tag} without {path}")
-    return found
-
-
 Memory = SimpleNamespace  # what a perturbation remembers of an episode, under names of its own
 JointTorque = Callable[[Array, Array], Array]  # on the joints (4,), N m, of q and dq (7,)
 

@@ -37,7 +37,7 @@ from rabbit_estimator.parameters import EstimatorParameters
 from rabbit_msgs.msg import TorqueCommand
 from rabbit_sim.kinematics import RabbitFeet
 from rabbit_sim.parameters import NodeParameters
-from rabbit_sim.plant import CLEAR_HEIGHT, CONTACT_FORCE, PlantReading, Span, Touch
+from rabbit_sim.plant import CLEAR_HEIGHT, CONTACT_FORCE, Plant, PlantReading, Span, Touch
 from rabbit_sim.ros.node import ERRORS, SimulatorNode
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import Imu, JointState
@@ -62,7 +62,7 @@ class HardwareParameters(NodeParameters):
     stale: float = Field(0.05, gt=0, le=10, description="without the sensors of a new tick for so long it stops, s")
 
 
-class Hardware:
+class Hardware(Plant):
     """The robot; `send` gets torques (4,), N m, in the order of ACTUATED.
 
     `sensors`: the newest, None before the first; `foot_force` (2, 2), in the soles, x and z, N.

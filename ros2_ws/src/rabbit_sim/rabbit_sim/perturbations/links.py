@@ -9,7 +9,7 @@ from pydantic import model_validator
 from rabbit_description.planar_urdf import scale_inertials
 from rabbit_description.state import Array
 
-from rabbit_sim.perturbation import Control, EngineNumber, Number, Perturbation, child, setting
+from rabbit_sim.perturbation import Control, EngineNumber, Number, Perturbation, setting
 from rabbit_sim.plant import FOOT_RADIUS
 
 LEFT_LEG = ("left_thigh", "left_shin")
@@ -36,9 +36,9 @@ class Links(Perturbation):
     def change_robot(self, robot: Element) -> None:
         scale_inertials(robot, self.mass_scale)
         for name in LEFT_LEG:
-            scale_inertials(child(robot, f"link[@name='{name}']"), self.left_leg_scale)
+            scale_inertials(next(robot.iterfind(f"link[@name='{name}']")), self.left_leg_scale)
         for name in DISTAL_JOINTS:
-            origin = child(robot, f"joint[@name='{name}']/origin")
+            origin = next(robot.iterfind(f"joint[@name='{name}']/origin"))
             length = -float(origin.attrib["xyz"].split()[2]) * self.leg_stretch
             origin.set("xyz", f"{self.link_bend * length!r} 0 {-length!r}")
 
@@ -52,9 +52,9 @@ class RollingFoot(Perturbation):
 
     def change_robot(self, robot: Element) -> None:
         for side in ("left", "right"):
-            collision = child(robot, f"link[@name='{side}_foot']/collision")
+            collision = next(robot.iterfind(f"link[@name='{side}_foot']/collision"))
             SubElement(collision, "origin", xyz=f"0 0 {self.sole_radius - FOOT_RADIUS!r}")
-            child(collision, "geometry/sphere").set("radius", repr(self.sole_radius))
+            next(collision.iterfind("geometry/sphere")).set("radius", repr(self.sole_radius))
 
 
 class Payload(Perturbation):
@@ -87,8 +87,8 @@ class Payload(Perturbation):
         ixz stays out: nothing turns about x or z.
         """
         mass, ahead, height = self.payload, self.payload_ahead, self.payload_height
-        inertial = child(robot, "link[@name='torso']/inertial")
-        origin, mass_element, inertia = (child(inertial, name) for name in ("origin", "mass", "inertia"))
+        inertial = next(robot.iterfind("link[@name='torso']/inertial"))
+        origin, mass_element, inertia = (next(inertial.iterfind(name)) for name in ("origin", "mass", "inertia"))
         own_height, own_mass = float(origin.attrib["xyz"].split()[2]), float(mass_element.attrib["value"])
         total = own_mass + mass
         reduced = own_mass * mass / total
