@@ -21,7 +21,6 @@ from rabbit_description.state import DOF, JOINTS, SWAP_STATE, SWAP_TORQUE, TICK_
 from rl_cbf_clf_controller.batch_functions import BatchFunction, answers, batch_with_daqp
 from rl_cbf_clf_controller.controller import CARRIED, NO_TORQUE, ROUNDING, Controller
 from rl_cbf_clf_controller.controller_output import ControllerOutput, flat, seen_fields
-from rl_cbf_clf_controller.identified_robots import IdentifiedRobots
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import LearnedPolicy, Policy
 from rl_cbf_clf_controller.residual_policy import Memory, ResidualPolicy
@@ -133,9 +132,8 @@ class BatchController:
         self._one, self.policies = controller, list(policies)
         self.parameters = controller.parameters
         self._steps = [controller.steps.another() for _ in policies]
-        one = controller._robot
-        self._robots = IdentifiedRobots(one, controller._error, n) if one else None
-        self._estimators = [[each.another() for each in controller._estimators if each is not one] for _ in policies]
+        self._robots = controller._robot.another(n) if controller._robot else None
+        self._estimators = [[each.another() for each in controller._estimators] for _ in policies]
         self._acts_at_once = isinstance(policies[0], LearnedPolicy) and len(set(map(id, policies))) == 1
         self._answers = [controller._answer.another() for _ in policies]
         self._look, self._with_daqp = BatchFunction(controller._look), batch_with_daqp(controller._answer)
@@ -209,12 +207,7 @@ class BatchController:
         sees_stone = ~np.isnan(states.stones[:, :1])
         np.copyto(p[:, self._one._stone], states.stones - self._moved[:, (0, 0, 1)], where=sees_stone)
         if self._robots:
-            late, doubts = self._robots.lateness, self._robots.disbelief
-            eps = (1 - doubts) * parameters.eps + doubts * parameters.doubt_eps
-            self._left[(eps != p[:, places["eps"]])[:, 0]] = np.nan
-            p[:, places["eps"]] = eps
-            p[:, places["torque_change_weight"]] = late * parameters.torque_change_weight
-            p[:, places["stone_margin"]] = parameters.stone_margin + late * parameters.late_margin
+            self._left[self._robots.tune(p, places, parameters)] = np.nan
             if parameters.prediction:
                 x = self._robots.predicted(x, self._torque)
         self._left[self._last_tick != states.tick - 1] = np.nan
@@ -299,7 +292,7 @@ class BatchController:
         self._torque = torque
         own = dict[str, Any]()
         if self._robots:
-            own |= {"identified": self._robots.known, "adapted": [flat(parts[1][i]) for i in range(n)]}
+            own |= {"identified": self._robots.shown, "adapted": [flat(parts[1][i]) for i in range(n)]}
         torque = self._by_stance(torque, SWAP_TORQUE)
         self._held = torque.copy()  # which a reset changes, and not what has been handed out
         names = self._one.qp.names, self._one.barrier_names

@@ -28,6 +28,8 @@ class BatchFunction:
     def __call__(self, *values: Array) -> Values:
         """The outputs of N calls, of values (N, ...), or (n,) the same for all; inputs left out are zero."""
         n = len(values[0])
+        if n == 1:
+            return self._alone.values(self._alone(*values).row[None])
         for value, (_, size, name) in zip(values, self._alone.arguments):  # noqa: B905
             if value.size != (size if value.ndim == 1 else n * size):
                 raise ValueError(f"{name} has {value.size} numbers; expected {size} for each of {n}")

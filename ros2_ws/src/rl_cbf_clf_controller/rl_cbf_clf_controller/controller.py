@@ -29,7 +29,7 @@ from rabbit_description.state import (
 )
 
 from rl_cbf_clf_controller.controller_output import NOTHING, Acted, ControllerOutput, flat, seen_fields
-from rl_cbf_clf_controller.identified_robot import IdentifiedRobot
+from rl_cbf_clf_controller.identified_robot import IdentifiedRobots
 from rl_cbf_clf_controller.kinds import find_kind
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import Policy
@@ -115,8 +115,8 @@ class Controller:
         self._parameters = parameters
         self.parameters = parameters
         identifies = parameters.adaptation == "identification"
-        self._robot = IdentifiedRobot(robot, parameters.doubt_eps > 0) if identifies else None
-        self._estimators = (*([self._robot] if self._robot else []), *self._kind.estimators(parameters))
+        self._robot = IdentifiedRobots(robot, self._error, parameters.doubt_eps > 0) if identifies else None
+        self._estimators = self._kind.estimators(parameters)
         self.policy = policy
         self._terrain = Terrain(self._kind.terrain)
         self._start, self._feet = gait.x_start, Feet(robot)
@@ -173,6 +173,8 @@ class Controller:
         self._held = np.zeros(JOINTS)  # torque of the last tick, left/right order
         self._follow(self.steps.first())
         self._answer.reset()
+        if self._robot:
+            self._robot.reset()
         for estimator in (self.policy, *self._estimators):
             estimator.reset()
 
@@ -209,7 +211,7 @@ class Controller:
             self._held = state.applied
             self._step.torque = state.applied[SWAP_TORQUE] if self._step.stance is Leg.RIGHT else state.applied
         if self._robot:
-            state = self._robot.corrected(state)
+            state = state.with_q(self._robot.set_right(state.q[None])[0])
         fault = self._swap_legs(state)
         if not self._step.has_begun:
             self._begin_step(state)
@@ -226,14 +228,10 @@ class Controller:
             along, up = self._moved(x, float(force[0, 1])).tolist() if self.parameters.stone_tracking else (0.0, 0.0)
             p[self._stone] = stone.l_min - along, stone.l_max - along, stone.height - up
         if self._robot:
-            late, doubts, parameters = self._robot.lateness, self._robot.disbelief, self.parameters
-            eps = (1 - doubts) * parameters.eps + doubts * parameters.doubt_eps
-            if eps != p[places["eps"]]:
-                p[places["eps"]], step.last = eps, None  # as of a change of parameters: V has two gains
-            p[places["torque_change_weight"]] = late * parameters.torque_change_weight
-            p[places["stone_margin"]] = parameters.stone_margin + late * parameters.late_margin
+            if self._robot.tune(p[None], places, self.parameters)[0]:
+                step.last = None  # as of a change of parameters: V has two gains
             if self.parameters.prediction:
-                x = self._robot.predicted(x, step.torque)
+                x = self._robot.predicted(x[None], step.torque[None])[0]
         p[places["force"]], p[places["held"]] = force[0], held
         before = step.last.seen.leaves if step.last and step.last.tick == state.tick - 1 else self._new
         seen = self._look(x, p, self._constraints.row, step.torque, before)
@@ -245,6 +243,10 @@ class Controller:
         """mu at a tick, from the estimates of all estimators."""
         total = self._nothing if self.policy.comes_last else self.policy.estimate(scene, self._nothing)
         parts = [total]
+        if self._robot:
+            of_scene = (each[None] for each in (scene.x, scene.p, scene.force, scene.torque))
+            parts.append(self._robot.estimate(np.array([scene.tick]), *of_scene)[0])
+            total = total + parts[-1]
         for estimator in self._estimators:
             parts.append(estimator.estimate(scene, total))
             total = total + parts[-1]
@@ -304,7 +306,7 @@ class Controller:
             solve_seconds=decided.seconds,
             objective=p.objective,
             adaptation=p.adaptation,
-            identified=self._robot.known if self._robot else NOTHING,
+            identified=self._robot.shown[0] if self._robot else NOTHING,
             adapted=flat(self.parts[1]) if self._robot else NOTHING,
         )
 

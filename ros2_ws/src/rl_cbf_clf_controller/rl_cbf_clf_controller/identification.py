@@ -29,13 +29,14 @@ and, much less, any change of any link. M_jj is that of the last x. d, kappa, th
 measured in newtons and not in torques.
 """
 
+from collections.abc import Mapping
+
 import casadi as ca
 import numpy as np
-from cbf_clf_qp.functions import NumpyFunction
 from rabbit_description.planar_urdf import BASE, SLIDES
-from rabbit_description.state import DOF, JOINTS, TICK_SECONDS, Array
+from rabbit_description.state import DOF, TICK_SECONDS, Array
 
-from rl_cbf_clf_controller.least_squares import LeastSquares, updated
+from rl_cbf_clf_controller.least_squares import updated
 from rl_cbf_clf_controller.planar_robot import INERTIAL, PinnedRobot, robot_parameters
 from rl_cbf_clf_controller.robot_numbers import GRAVITY, RobotNumbers
 
@@ -70,88 +71,46 @@ EXPLAINED, UNEXPLAINED = 0.5, 2.0  # normalised squares of an innovation; the do
 DOUBT_RISES, DOUBT_FALLS = 0.05, 0.005  # of the way, each tick
 TO_BASE, TO_NOMINAL = (0.15, 0.3), (0.3, 0.6)  # the doubts from which on another robot counts, and it alone
 BASE_DOUBT = 0.05  # of the base's rows, from which on they are not used
-NOTHING_FILTERED = np.zeros((DOF, SIZE)), np.zeros(DOF)
 
 
-class Identification:
-    """`value` (15,), as in `IDENTIFIED`, of a robot with the lengths of `robot`; starts from its links.
+def unknown(robot: RobotNumbers) -> dict[str, Array]:
+    """What is known of a `robot` before it moves: its own links, ideal motors, and the prior.
 
-    `base` (12,) is theta as the base's rows say, `doubts` (2,) how much all rows and the base's leave unexplained. What
-    the least squares say is taken over as long as it is a robot that can be. One object serves one thread.
+    `value` (15,), as in `IDENTIFIED`; `base` (12,), theta as the base's rows say; `doubts` (2,), how much all rows and
+    the base's leave unexplained. `fit`, `base_fit`: what the least squares say. `regressor`, `measured`: both sides,
+    filtered; `share`: of the next tick in them.
     """
-
-    def __init__(self, robot: RobotNumbers) -> None:
-        self._joints, self._feet = robot.joints, robot.feet
-        self.nominal = np.concatenate([robot.theta, [0.0, 1.0, 0.0]])
-        self._prior = prior_covariance(robot.theta)
-        self._learned = identification_function()
-        self.reset()
-
-    def reset(self) -> None:
-        """Return to the prior: the nominal robot."""
-        theta, of_theta = self.nominal[THETA], self._prior[THETA, THETA]
-        self._fit = LeastSquares(self.nominal, self._prior, WALK * self._prior)
-        self._base_fit = LeastSquares(theta, of_theta, WALK * of_theta)
-        self.value, self.base, self.doubts = self.nominal, theta, np.zeros(2)
-        self.interrupt()
-
-    def interrupt(self) -> None:
-        """The next tick does not follow the last one that was learned from."""
-        self._filtered, self._share = NOTHING_FILTERED, np.ones(1)
-
-    def learn(
-        self,
-        start: Array,
-        end: Array,
-        torques: tuple[Array, Array],
-        force: Array,
-        rate_variance: float = RATE_NOISE**2,
-    ) -> None:
-        """From a tick's `start` and `end` (14,), `torques` (before, now), (4,) each, and `force` (2, 2) on the feet.
-
-        All in stance/swing order; `force` has rows stance, swing and columns tangential, normal, N; `rate_variance`
-        is that of the errors of dq, (m/s)^2 and (rad/s)^2.
-        """
-        fit, base, of_robot = self._fit, self._base_fit, (self._joints, self._feet, self.value[THETA])
-        of_fit = fit.value, fit.covariance, fit.walk, base.value, base.covariance
-        of_tick = start, end, *torques, force, *self._filtered, self._share, np.array([rate_variance]), self.doubts
-        found = self._learned(*of_robot, *of_fit, *of_tick)
-        self._filtered, self._share = (found.regressor, found.measured), np.array([SHARE])
-        fit.take(found.value, found.covariance)
-        base.take(found.base, found.base_covariance)
-        self.doubts = found.doubts
-        if is_physical(fit.value[THETA]) and fit.value[MOTOR_GAIN] > 0:
-            self.value = fit.value
-        if is_physical(base.value):
-            self.base = base.value
+    value, prior = np.concatenate([robot.theta, [0.0, 1.0, 0.0]]), prior_covariance(robot.theta)
+    of_base = {"base": robot.theta, "base_fit": robot.theta, "base_covariance": prior[THETA, THETA]}
+    known = {"value": value, "fit": value, "covariance": prior, **of_base, "doubts": np.zeros(2)}
+    return known | {"regressor": np.zeros((DOF, SIZE)), "measured": np.zeros(DOF), "share": np.ones(1)}
 
 
-def identification_function() -> NumpyFunction:
-    """x `value` and its `covariance` a tick later, the same of theta from the `base`'s rows, the `doubts`, then the
-    filtered `regressor` and `measured` side.
+def learned(robot: RobotNumbers, known: Mapping[str, ca.SX], tick: Mapping[str, ca.SX]) -> dict[str, ca.SX]:
+    """What is `known` after a tick, by the names of `unknown`, as expressions.
 
-    Its inputs are those of `Identification.learn`, in this order: joints, feet, theta; value, covariance, walk, base
-    and its covariance; start, end, torque before and now, force, filtered regressor and measured side, share,
-    rate_variance, doubts.
+    `tick`: its `start` and `end` (14,), torque `before` and `now` (4,), `force` (2, 2) on the feet, all in stance/swing
+    order, rows of the force stance, swing, columns tangential, normal, N; `rate_variance` of the errors of dq,
+    (m/s)^2 and (rad/s)^2; `joints` and `feet` of the robot. What the least squares say is taken over as long as it is
+    a robot that can be.
     """
-    sizes = {"joints": (JOINTS, 2), "feet": (2, 2), "theta": (THETA.stop, 1)}
-    sizes |= {"value": (SIZE, 1), "covariance": (SIZE, SIZE), "walk": (SIZE, SIZE)}
-    sizes |= {"base": (THETA.stop, 1), "base_covariance": (THETA.stop, THETA.stop)}
-    sizes |= {"start": (2 * DOF, 1), "end": (2 * DOF, 1), "before": (JOINTS, 1), "now": (JOINTS, 1), "force": (2, 2)}
-    sizes |= {"regressor": (DOF, SIZE), "measured": (DOF, 1), "share": (1, 1), "rate_variance": (1, 1)}
-    sizes |= {"doubts": (2, 1)}
-    s = {name: ca.SX.sym(name, *size) for name, size in sizes.items()}
-    regressor, measured, mass = equation(s)
-    regressor = s["regressor"] + s["share"] * (regressor - s["regressor"])
-    measured = s["measured"] + s["share"] * (measured - s["measured"])
-    noise = ca.DM(NOISE) + PER_RATE_VARIANCE * s["rate_variance"] * mass @ mass
-    value, covariance, square = updated(s["value"], s["covariance"], s["walk"], regressor, measured, noise)
-    found = {"value": value, "covariance": covariance, "regressor": regressor, "measured": measured}
-    of_theta, of_base = s["walk"][THETA, THETA], (regressor[:BASE, THETA], measured[:BASE], noise[:BASE, :BASE])
-    base, covariance, base_square = updated(s["base"], s["base_covariance"], of_theta, *of_base)
-    found |= {"base": base, "base_covariance": covariance}
-    found["doubts"] = ca.vertcat(doubt_after(s["doubts"][0], square), doubt_after(s["doubts"][1], base_square))
-    return NumpyFunction.of("identification", s, found)
+    regressor, measured, mass = equation({**tick, "theta": known["value"][THETA]})
+    regressor = known["regressor"] + known["share"] * (regressor - known["regressor"])
+    measured = known["measured"] + known["share"] * (measured - known["measured"])
+    noise = ca.DM(NOISE) + PER_RATE_VARIANCE * tick["rate_variance"] * mass @ mass
+    walk = WALK * prior_covariance(robot.theta)
+    fit, covariance, square = updated(known["fit"], known["covariance"], walk, regressor, measured, noise)
+    of_base = regressor[:BASE, THETA], measured[:BASE], noise[:BASE, :BASE]
+    base_before = known["base_fit"], known["base_covariance"], walk[THETA, THETA]
+    base_fit, base_covariance, base_square = updated(*base_before, *of_base)
+    is_robot = ca.logic_and(is_physical(fit[THETA]), fit[MOTOR_GAIN] > 0)
+    doubts = (doubt_after(known["doubts"][i], each) for i, each in enumerate((square, base_square)))
+    return {
+        **{"value": ca.if_else(is_robot, fit, known["value"]), "fit": fit, "covariance": covariance},
+        **{"base": ca.if_else(is_physical(base_fit), base_fit, known["base"]), "base_fit": base_fit},
+        **{"base_covariance": base_covariance, "doubts": ca.vertcat(*doubts)},
+        **{"regressor": regressor, "measured": measured, "share": ca.SX(SHARE)},
+    }
 
 
 def equation(s: dict[str, ca.SX]) -> tuple[ca.SX, ca.SX, ca.SX]:
@@ -179,48 +138,47 @@ def equation(s: dict[str, ca.SX]) -> tuple[ca.SX, ca.SX, ca.SX]:
 
 def doubt_after(doubt: ca.SX, square: ca.SX) -> ca.SX:
     """The doubt after an innovation with this normalised square."""
-    aim = ca.fmin(ca.fmax((square - EXPLAINED) / (UNEXPLAINED - EXPLAINED), 0), 1)
+    aim = within((square - EXPLAINED) / (UNEXPLAINED - EXPLAINED))
     return doubt + ca.if_else(aim > doubt, DOUBT_RISES, DOUBT_FALLS) * (aim - doubt)
 
 
-def shares(doubts: Array) -> tuple[Array, Array]:
-    """Of the base's and of the nominal robot in the one that is used, each (..., 1), by the `doubts` (..., 2).
+def shares(doubts: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Of the base's and of the nominal robot in the one that is used, by the `doubts` (2,).
 
     Where only the motors are wrong, the base's takes over; where the base's rows are not explained either, the nominal.
     """
-    doubt, sensors = doubts[..., :1], (doubts[..., 1:] / BASE_DOUBT).clip(0, 1)
-    to_base, to_nominal = (((doubt - begin) / (end - begin)).clip(0, 1) for begin, end in (TO_BASE, TO_NOMINAL))
+    sensors = within(doubts[1] / BASE_DOUBT)
+    to_base, to_nominal = (within((doubts[0] - begin) / (end - begin)) for begin, end in (TO_BASE, TO_NOMINAL))
     return to_base * (1 - sensors), to_nominal * sensors
 
 
-def in_use(value: Array, base: Array, nominal: Array, doubts: Array) -> Array:
-    """The robot that is used, (..., 15), by the `doubts` (..., 2) of the one found.
+def in_use(value: ca.SX, base: ca.SX, nominal: Array, doubts: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """The robot that is used, (15,), by the `doubts` (2,) of the one found; how little that one counts, from 0 to 1.
 
     Beside the masses that the base's rows say, motors are ideal, and late as found: a share of torque, so below one.
     """
     of_base, of_nominal = shares(doubts)
-    late = value[..., LATE_TORQUE:]
-    motors = np.zeros_like(late), np.ones_like(late), np.where(late < 1, late, USUAL_LATE)
-    other = np.concatenate([base, *motors], axis=-1)
-    used: Array = (1 - of_base - of_nominal) * value + of_base * other + of_nominal * nominal
-    return used
+    late = value[LATE_TORQUE]
+    other = ca.vertcat(base, 0, 1, ca.if_else(late < 1, late, USUAL_LATE))
+    used = (1 - of_base - of_nominal) * value + of_base * other + of_nominal * ca.DM(nominal)
+    return used, of_base + of_nominal
 
 
-def disbelief(doubts: Array) -> Array:
-    """How little the robot found from all rows counts, (..., 1), from 0 to 1."""
-    of_base, of_nominal = shares(doubts)
-    return of_base + of_nominal
+def lateness(late_torque: ca.SX) -> ca.SX:
+    """How slow the motors are, from 0 (a lag of 4 ms) to 1, by the identified `late_torque`."""
+    return within((late_torque - USUAL_LATE) / LATE_RANGE)
 
 
-def lateness(late_torque: Array) -> Array:
-    """How slow the motors are, from 0 (a lag of 4 ms) to 1, by the identified `late_torque`, of any shape."""
-    return ((late_torque - USUAL_LATE) / LATE_RANGE).clip(0, 1)
+def within(share: ca.SX) -> ca.SX:
+    """Cut to 0 and 1."""
+    return ca.fmin(ca.fmax(share, 0), 1)
 
 
-def is_physical(theta: Array) -> bool:
-    """Whether every link has a mass and, about its centre of mass, an inertia."""
-    links = theta.reshape(len(LINKS), -1).tolist()
-    return all(mass > 0 and inertia * mass > mc_x**2 + mc_z**2 for mass, mc_x, mc_z, inertia in links)
+def is_physical(theta: ca.SX) -> ca.SX:
+    """1 where every link has a mass and, about its centre of mass, an inertia, else 0."""
+    links = ca.reshape(theta, len(INERTIAL), len(LINKS))
+    mass, mc_x, mc_z, inertia = (links[i, :] for i in range(len(INERTIAL)))
+    return ca.mmin(ca.logic_and(mass > 0, inertia * mass > mc_x**2 + mc_z**2))
 
 
 def prior_covariance(theta: Array) -> Array:

@@ -9,138 +9,188 @@ them. Where the state is predicted (`state_prediction.py`), the identification s
 The identification uses a tick only if the stance foot was the only one on the ground, and had been for SETTLING ticks.
 So it leaves out the tick of a touchdown, flight, a swing foot on the ground, a missing tick, an unknown torque. (A foot
 that bounces lands twice.) It forgets nothing when the legs swap: the robot is the same from either leg. An episode
-begins with nothing known, and with some ticks in which only the noise of the rates is found (`rate_noise.py`).
+begins with nothing known, and with some ticks in which only the noise of the rates is found.
+
+That noise is found from the pitch rate. Of three rates a tick apart, each with an error of variance sigma^2, the second
+difference has the variance 6 sigma^2; of the torso's motion itself hardly anything is left in it: its second
+differences say 0.015 rad/s of a walk without noise. Those of the joints' rates would not do. In the first ticks of a
+walk they say 0.2 rad/s.
 
 No masses explain a motor that saturates unseen. As far as the innovations say so, the robot found gives way to the one
 that the base's rows say or to the nominal one (`identification.py`).
 """
 
+from collections.abc import Mapping
 from copy import copy
 
+import casadi as ca
 import numpy as np
 from cbf_clf_qp.estimates import Estimates
+from cbf_clf_qp.functions import NumpyFunction, packed
+from cbf_clf_qp.qp import is_finite
 from rabbit_description.planar_urdf import SLIDES
-from rabbit_description.state import DOF, Array, RobotState
+from rabbit_description.state import DOF, JOINTS, Array, no_torque
 
+from rl_cbf_clf_controller.batch_functions import BatchFunction
 from rl_cbf_clf_controller.identification import (
     DAMPING,
     IDENTIFIED,
     LATE_TORQUE,
     MOTOR_GAIN,
+    RATE_NOISE,
     THETA,
-    Identification,
-    disbelief,
     in_use,
     lateness,
+    learned,
+    unknown,
 )
-from rl_cbf_clf_controller.joint_calibration import JointCalibration
-from rl_cbf_clf_controller.rate_noise import RateNoise
+from rl_cbf_clf_controller.joint_calibration import OFFSETS, UNKNOWN, calibrated
+from rl_cbf_clf_controller.parameters import ControllerParameters
+from rl_cbf_clf_controller.planar_robot import INERTIAL, robot_parameters
 from rl_cbf_clf_controller.robot_numbers import RobotNumbers
-from rl_cbf_clf_controller.scene import Estimator, Scene, is_finite
 from rl_cbf_clf_controller.state_prediction import prediction_function
 
 KNOWN = (*IDENTIFIED, "hip_offset", "knee_offset", "doubt")  # offsets in rad
 SETTLING = 2  # ticks on the ground before what is measured counts
 PITCH_RATE = DOF + SLIDES  # its place in the state
 CONTACT_FORCE = 1.0  # N; a foot that carries less is in the air
+PER_VARIANCE = 6.0  # of a second difference
+CORRELATED = 6.0  # ticks over which the identification's low-passed errors are the same
+FIRST_DIFFERENCES = 3  # before which nothing is known
 
 
-class IdentifiedRobot(Estimator):
-    """The robot as identified so far; it begins as the `nominal` one. One object serves one thread.
+class IdentifiedRobots:
+    """N robots as identified so far, at first one; each begins as the `nominal` one. One object serves one thread.
 
-    With `gives_way` others count where it does not explain what is measured.
+    With `gives_way` others count where the robot found does not explain what is measured. `model_error`: see
+    `cbf_clf_qp.estimates`. What is `known`, a row a robot, has the names of `first_known`.
     """
 
-    def __init__(self, nominal: RobotNumbers, gives_way: bool = False) -> None:
-        self._nominal, self._gives_way = nominal, gives_way
-        self._identification = Identification(nominal)
-        self._calibration = JointCalibration(nominal)
-        self._rate_noise = RateNoise()
-        self._predicted = prediction_function()
-        self.reset()
+    def __init__(self, nominal: RobotNumbers, model_error: NumpyFunction, gives_way: bool = False) -> None:
+        first, alone = first_known(nominal), after_tick(nominal, gives_way)
+        self._first = np.concatenate([np.ravel(value) for value in first.values()])
+        self._lengths = nominal.joints.ravel(), nominal.feet.ravel()
+        self._after, self._predicted = BatchFunction(alone), BatchFunction(prediction_function())
+        self._model_error = BatchFunction(model_error)
+        self.known, self._measured = alone.values(self._first[None].copy()), None
 
-    @property
-    def known(self) -> Array:
-        """(18,), as in `KNOWN`, of the robot that is used."""
-        return np.concatenate([self._used, self._calibration.value, self._identification.doubts[:1]])
-
-    @property
-    def disbelief(self) -> float:
-        """See `identification.disbelief`; 0 where it does not give way."""
-        return float(disbelief(self._identification.doubts)[0]) if self._gives_way else 0.0
-
-    @property
-    def lateness(self) -> float:
-        """See `identification.lateness`."""
-        return float(lateness(self._used[LATE_TORQUE]))
-
-    def reset(self) -> None:
-        """Begin an episode: the nominal robot."""
-        self._identification.reset()
-        self._calibration.reset()
-        self._rate_noise.reset()
-        self._last: Scene | None = None
-        self._measured: Array | None = None
-        self._measured_last: Array | None = None
-        self._standing = 0  # ticks on end in which the stance foot alone stood
-        self._update_row()
-
-    def another(self) -> "IdentifiedRobot":
-        """See `Estimator`."""
+    def another(self, robots: int) -> "IdentifiedRobots":
+        """So many other robots in the same thread: the same functions, nothing learned."""
         other = copy(self)
-        other._identification, other._calibration = copy(self._identification), copy(self._calibration)
-        other._rate_noise = copy(self._rate_noise)
-        other.reset()
+        other.known = type(self.known)(np.tile(self._first, (robots, 1)))
         return other
 
-    def corrected(self, state: RobotState) -> RobotState:
-        """The state with its angles set right."""
-        return state.with_q(self.set_right(state.q))
+    def reset(self, i: int = 0) -> None:
+        """Begin an episode of robot `i`."""
+        self.known.row[i] = self._first
+
+    def keep(self, rows: Array) -> None:
+        """Go on with some of the robots, by number."""
+        self.known = type(self.known)(self.known.row[rows])
+
+    @property
+    def shown(self) -> Array:
+        """(N, 18), as in `KNOWN`, of the robots that are used."""
+        return np.concatenate([self.known.used, self.known.offsets, self.known.doubts[:, :1]], axis=1)
+
+    def tune(self, p: Array, places: Mapping[str, slice], parameters: ControllerParameters) -> Array:
+        """Set what depends on the robots found in the parameters `p` (N, ...) of a tick; where eps changes, (N,)."""
+        late, doubts = self.known.lateness, self.known.disbelief
+        eps = (1 - doubts) * parameters.eps + doubts * parameters.doubt_eps
+        is_other = (eps != p[:, places["eps"]])[:, 0]
+        p[:, places["eps"]] = eps
+        p[:, places["torque_change_weight"]] = late * parameters.torque_change_weight
+        p[:, places["stone_margin"]] = parameters.stone_margin + late * parameters.late_margin
+        return is_other
 
     def set_right(self, q: Array) -> Array:
-        """The angles in q (7,), in either order of the legs."""
-        return self._calibration.corrected(q)
+        """The angles in q (N, 7), in either order of the legs."""
+        return q - self.known.offsets @ OFFSETS.T
 
     def predicted(self, x: Array, torque: Array) -> Array:
-        """The state (14,) in which a torque that is computed from `x` takes effect, stance/swing order.
+        """The states (N, 14) in which torques that are computed from `x` take effect, stance/swing order.
 
-        `torque` (4,), N m, acts until then; where it is not known, the state is that of now.
+        `torque` (N, 4), N m, acts until then; where it is not known, the state is that of now.
         """
         self._measured = x
-        if not is_finite(torque):
-            return x
-        return self._predicted(x, self._row, torque, self._used[LATE_TORQUE : LATE_TORQUE + 1]).x
+        found = self._predicted(x, self.known.numbers, torque, self.known.used[:, LATE_TORQUE:]).x
+        return np.where(np.isfinite(torque.sum(axis=1, keepdims=True)), found, x)
 
-    def estimate(self, scene: Scene, before: Estimates) -> Estimates:
-        """Learn from the tick that ends now; then by how much the robot found differs from the nominal one."""
-        measured = scene.x if self._measured is None else self._measured
-        self._learn(scene, measured)
-        self._last, self._measured_last, self._measured = scene, measured, None
-        return scene.error_of(self._row)
+    def estimate(self, tick: Array, x: Array, p: Array, force: Array, torque: Array) -> Estimates:
+        """Learn from the tick that ends now; then by how much the robots found differ from the nominal one.
 
-    def _learn(self, now: Scene, measured: Array) -> None:
-        last, before = self._last, self._measured_last
-        if last is None or before is None or not is_pinned(last.tick, now):
-            self._standing = 0
-            self._identification.interrupt()
-            self._rate_noise.interrupt()
-            return
-        self._standing += 1
-        if self._standing > SETTLING and is_finite(last.torque):
-            self._calibration.learn(measured)
-            self._rate_noise.add(before[PITCH_RATE], measured[PITCH_RATE])
-            variance = self._rate_noise.variance
-            if variance is not None:
-                self._identification.learn(before, measured, (last.torque, now.torque), now.force, variance)
-            self._update_row()
-
-    def _update_row(self) -> None:
-        of = self._identification
-        used = self._used = in_use(of.value, of.base, of.nominal, of.doubts) if self._gives_way else of.value
-        self._row = self._nominal.with_links(used[THETA], used[MOTOR_GAIN], used[DAMPING]).row
+        Of `Scene`s, a row each.
+        """
+        end, self._measured = x if self._measured is None else self._measured, None
+        known = self.known
+        second = known.rate[:, 0] - 2 * known.x[:, PITCH_RATE] + end[:, PITCH_RATE]
+        square = np.array([[each**2] for each in second.tolist()])  # in Python: arrays and CasADi may round otherwise
+        self.known = known = self._after(known.row, tick[:, None], end, force, torque, square, *self._lengths)
+        other, numbers = p.copy(), known.numbers
+        other[:, : numbers.shape[1]] = numbers
+        found = self._model_error(x, p, other)
+        return Estimates(found.alpha, found.beta, found.output_error)
 
 
-def is_pinned(last: int, now: Scene) -> bool:
-    """Whether in the tick that ends now, after tick `last`, the stance foot alone stood, and the torque is known."""
-    stance, swing = now.force[:, 1].tolist()
-    return last + 1 == now.tick and is_finite(now.torque) and swing < CONTACT_FORCE <= stance
+def first_known(nominal: RobotNumbers) -> dict[str, Array]:
+    """What is known of a robot as an episode begins: of `identification.unknown`, of `joint_calibration.UNKNOWN`, more.
+
+    `used` (15,) and `numbers`, its row: the robot that is used, with its `lateness` and its `disbelief`; `squares` and
+    number of the `differences` of the pitch rate, and this `rate` a tick before the last one; for how many ticks the
+    stance foot alone is `standing`; `tick`, `torque` and `x` of the last tick.
+    """
+    known, nothing = unknown(nominal), np.zeros(1)
+    used = {"used": known["value"], "numbers": nominal.row, "lateness": nothing, "disbelief": nothing}
+    noise = dict.fromkeys(("squares", "differences", "rate", "standing"), nothing)
+    last = {"tick": np.full(1, -2), "torque": no_torque(), "x": np.zeros(2 * DOF)}
+    return {**known, **UNKNOWN, **used, **noise, **last}
+
+
+def after_tick(nominal: RobotNumbers, gives_way: bool) -> NumpyFunction:
+    """What is known after a tick, by the names of `first_known`, of (what was known; number, state, force and torque as
+    it ends; square of the pitch rate's second difference; joints, feet)."""
+    first = first_known(nominal)
+    shapes = {name: value.shape if value.ndim == 2 else (value.size, 1) for name, value in first.items()}
+    known = {name: ca.SX.sym(name, *shape) for name, shape in shapes.items()}
+    sizes = {"tick": (1, 1), "x": (2 * DOF, 1), "force": (2, 2), "torque": (JOINTS, 1), "square": (1, 1)}
+    now = {name: ca.SX.sym(name, *shape) for name, shape in sizes.items()}
+    lengths = {"joints": ca.SX.sym("joints", JOINTS, 2), "feet": ca.SX.sym("feet", 2, 2)}
+    stance, swing = now["force"][0, 1], now["force"][1, 1]
+    follows = ca.logic_and(known["tick"] + 1 == now["tick"], is_finite(now["torque"]))
+    pinned = ca.logic_and(follows, ca.logic_and(swing < CONTACT_FORCE, stance >= CONTACT_FORCE))
+    standing = pinned * (known["standing"] + 1)
+    learns = standing > SETTLING
+    goes_on = standing > SETTLING + 1
+    squares = known["squares"] + ca.if_else(goes_on, now["square"], 0)
+    differences = known["differences"] + goes_on
+    found = {**calibrated(known, now["x"], **lengths), "rate": known["x"][PITCH_RATE]}
+    found = {name: ca.if_else(learns, value, known[name]) for name, value in found.items()}
+    found |= {"squares": squares, "differences": differences, "standing": standing}
+    tick = {"start": known["x"], "end": now["x"], "before": known["torque"], "now": now["torque"], **lengths}
+    tick |= {"force": now["force"], "rate_variance": rate_variance(squares, differences)}
+    later = learned(nominal, known, tick)
+    value, base, doubts = later["value"], later["base"], later["doubts"]
+    used, disbelief = in_use(value, base, first["value"], doubts) if gives_way else (value, ca.SX(0))
+    later |= {"used": used, "lateness": lateness(used[LATE_TORQUE]), "disbelief": disbelief}
+    later["numbers"] = with_links(nominal, used)
+    kept = known | {name: ca.if_else(pinned, known[name], first[name]) for name in ("regressor", "measured", "share")}
+    is_known = ca.logic_and(learns, differences >= FIRST_DIFFERENCES)
+    found |= {name: ca.if_else(is_known, value, kept[name]) for name, value in later.items()} | now
+    inputs, outputs = {"known": packed(known), **now, **lengths}, {name: found[name] for name in first}
+    return NumpyFunction.of("after_tick", inputs, outputs)
+
+
+def rate_variance(squares: ca.SX, differences: ca.SX) -> ca.SX:
+    """Of the rates' errors, (m/s)^2 and (rad/s)^2, as the identification takes it.
+
+    That without noise, of what a tick's mean leaves out, is in it.
+    """
+    return RATE_NOISE**2 + CORRELATED * squares / (PER_VARIANCE * differences)
+
+
+def with_links(nominal: RobotNumbers, used: ca.SX) -> ca.SX:
+    """The `nominal` robot's row with two like legs of these links, motors and joints, (15,)."""
+    torso, thigh, shin = ca.horzsplit(ca.reshape(used[THETA], len(INERTIAL), 3))
+    numbers = {name: ca.SX(ca.DM(getattr(nominal, name))) for name in robot_parameters()}
+    numbers |= {"links": ca.horzcat(torso, thigh, shin, thigh, shin).T, "joint_damping": used[DAMPING]}
+    return packed({**numbers, "motor_gain": ca.repmat(used[MOTOR_GAIN], JOINTS, 1)})

@@ -13,15 +13,15 @@ need not be level. The foot's rubber gives way as the load comes, which looks li
 along the step; so the knee's prior is narrow.
 """
 
+from collections.abc import Mapping
+
 import casadi as ca
 import numpy as np
-from cbf_clf_qp.functions import NumpyFunction
 from rabbit_description.planar_urdf import BASE
-from rabbit_description.state import Array
+from rabbit_description.state import DOF
 
-from rl_cbf_clf_controller.least_squares import LeastSquares, updated
-from rl_cbf_clf_controller.planar_robot import PinnedRobot
-from rl_cbf_clf_controller.robot_numbers import RobotNumbers
+from rl_cbf_clf_controller.least_squares import updated
+from rl_cbf_clf_controller.planar_robot import PinnedRobot, robot_parameters
 
 OFFSETS = np.array([[0.0, 0, 0, 1, 0, 1, 0], [0, 0, 0, 0, 1, 0, 1]]).T  # (o_h, o_k) to q
 OFFSET_SPREAD = np.array([0.05, 0.01])  # rad
@@ -29,43 +29,19 @@ VELOCITY_NOISE = 0.05  # m/s
 SIZE = 2
 
 
-class JointCalibration:
-    """`value` (2,): offsets o of hips and knees, rad, of a `robot`. One object serves one thread."""
-
-    def __init__(self, robot: RobotNumbers) -> None:
-        self._joints, self._feet = robot.joints, robot.feet
-        self._learned = calibration_function()
-        self.reset()
-
-    @property
-    def value(self) -> Array:
-        return self._fit.value
-
-    def reset(self) -> None:
-        """Trust the angles again."""
-        self._fit = LeastSquares(np.zeros(SIZE), np.diag(OFFSET_SPREAD**2), np.zeros((SIZE, SIZE)))
-        self._shift = np.zeros(len(OFFSETS))
-
-    def corrected(self, q: Array) -> Array:
-        """q (7,) from measured angles; in either order of the legs."""
-        return q - self._shift
-
-    def learn(self, x: Array) -> None:
-        """From a corrected state (14,), stance/swing order, in which the stance foot stands."""
-        fit = self._fit
-        found = self._learned(x, self._joints, self._feet, fit.value, fit.covariance)
-        fit.take(found.value, found.covariance)
-        self._shift = OFFSETS @ fit.value
+UNKNOWN = {"offsets": np.zeros(SIZE), "offset_covariance": np.diag(OFFSET_SPREAD**2)}  # the angles are trusted
 
 
-def calibration_function() -> NumpyFunction:
-    """The offsets `value` (2,) and their `covariance` a tick later, of (x, joints, feet, value, covariance)."""
-    robot = PinnedRobot()
+def calibrated(known: Mapping[str, ca.SX], x: ca.SX, joints: ca.SX, feet: ca.SX) -> dict[str, ca.SX]:
+    """The offsets o of hips and knees, rad, and their covariance a tick later, by the names of `UNKNOWN`.
+
+    From a corrected state `x` (14,), stance/swing order, in which the stance foot stands.
+    """
+    robot = PinnedRobot(parameters={**robot_parameters(), "joints": joints, "feet": feet})
     velocity = robot.rate(robot.feet[0])
     slope = ca.jacobian(velocity, robot.q[BASE : BASE + 2])  # over the stance leg's hip and knee
-    value, covariance = ca.SX.sym("value", SIZE), ca.SX.sym("covariance", SIZE, SIZE)
-    noise = VELOCITY_NOISE**2 * ca.SX.eye(2)
-    found = updated(value, covariance, ca.SX.zeros(SIZE, SIZE), slope, velocity + slope @ value, noise)
-    inputs = {"x": ca.vertcat(robot.q, robot.dq), "joints": robot.parameters["joints"]}
-    inputs |= {"feet": robot.parameters["feet"], "value": value, "covariance": covariance}
-    return NumpyFunction.of("calibration", inputs, {"value": found[0], "covariance": found[1]})
+    velocity, slope = ca.substitute([velocity, slope], [robot.q, robot.dq], [x[:DOF], x[DOF:]])
+    noise, still = VELOCITY_NOISE**2 * ca.SX.eye(2), ca.SX.zeros(SIZE, SIZE)
+    measured = velocity + slope @ known["offsets"]
+    found = updated(known["offsets"], known["offset_covariance"], still, slope, measured, noise)
+    return dict(zip(UNKNOWN, found, strict=False))

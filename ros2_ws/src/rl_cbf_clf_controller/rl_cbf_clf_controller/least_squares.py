@@ -18,34 +18,26 @@ is 1 in the mean where the measurements are as the problem says. Sources: Kalman
 state; Ljung, System Identification (1999), section 11; Bar-Shalom, Li, Kirubarajan (2001), section 5.4, on the square.
 """
 
-import math
-
 import casadi as ca
+from cbf_clf_qp.qp import is_finite
 from cbf_clf_qp.system import solved
 from rabbit_description.state import Array
 
 
-class LeastSquares:
-    """`value` (n,), at first `start`, its error's covariance `prior` (n, n) there and `walk` (n, n) more each tick."""
-
-    def __init__(self, start: Array, prior: Array, walk: Array) -> None:
-        self.value, self.covariance, self.walk = start, prior, walk
-
-    def take(self, value: Array, covariance: Array) -> None:
-        """What `updated` has found, but for numbers too large to compute with."""
-        if math.isfinite(value.sum()) and math.isfinite(covariance.sum()):
-            self.value, self.covariance = value, covariance
-
-
 def updated(
-    value: ca.SX, covariance: ca.SX, walk: ca.SX, regressor: ca.SX, measured: ca.SX, noise: ca.SX
+    value: ca.SX, covariance: ca.SX, walk: ca.SX | Array, regressor: ca.SX, measured: ca.SX, noise: ca.SX
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """x and P a tick later, and the innovation's normalised square, as expressions."""
-    covariance = covariance + walk
-    along = covariance @ regressor.T
+    """x and P a tick later, and the innovation's normalised square, as expressions.
+
+    x and P stay where the numbers are too large to compute with.
+    """
+    spread_now = covariance + walk
+    along = spread_now @ regressor.T
     spread, innovation = regressor @ along + noise, measured - regressor @ value
     gain = solved(spread, along.T).T
-    value = value + gain @ innovation
-    covariance = covariance - gain @ along.T
+    found = value + gain @ innovation
+    narrowed = spread_now - gain @ along.T
+    narrowed = (narrowed + narrowed.T) / 2
     square = ca.dot(innovation, solved(spread, innovation)) / innovation.numel()
-    return value, (covariance + covariance.T) / 2, square
+    is_good = is_finite(ca.vertcat(found, ca.vec(narrowed)))
+    return ca.if_else(is_good, found, value), ca.if_else(is_good, narrowed, covariance), square

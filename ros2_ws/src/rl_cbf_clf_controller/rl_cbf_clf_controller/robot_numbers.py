@@ -46,13 +46,6 @@ class RobotNumbers:
         """(12,) of RABBIT: m, m c_x, m c_z, I_yy of torso, thigh and shin; the left leg's, if they differ."""
         return self.links[:3].ravel()
 
-    def with_links(self, theta: Array, motor_gain: float, joint_damping: float) -> "RobotNumbers":
-        """RABBIT with two like legs of these links, see `theta`."""
-        torso, thigh, shin = theta.reshape(3, -1)
-        gains = np.full(len(self.motor_gain), motor_gain)
-        links = np.array([torso, thigh, shin, thigh, shin])
-        return replace(self, links=links, motor_gain=gains, joint_damping=joint_damping)
-
     def mirrored(self) -> "RobotNumbers":
         """RABBIT with its right leg as the stance leg: the masses and motors of the legs change places."""
         return replace(self, links=self.links[MIRRORED], motor_gain=self.motor_gain[SWAP_TORQUE])

@@ -73,7 +73,7 @@ class Scene:
 
 
 class Estimator(ABC):
-    """A policy, an identified robot, an oracle, an adaptation; the estimates of all of a controller are added."""
+    """A policy, an oracle, an adaptation; the estimates of all of a controller are added."""
 
     @abstractmethod
     def estimate(self, scene: Scene, before: Estimates) -> Estimates:

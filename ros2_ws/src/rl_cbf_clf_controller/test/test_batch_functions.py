@@ -26,8 +26,8 @@ def test_rows_are_the_values_of_each() -> None:
 
 
 def test_a_wrong_size_names_the_input() -> None:
-    with pytest.raises(ValueError, match="v has 3 numbers; expected 2 for each of 1"):
-        BatchFunction(norm())(np.ones((1, 3)), np.ones(1))
+    with pytest.raises(ValueError, match="v has 6 numbers; expected 2 for each of 2"):
+        BatchFunction(norm())(np.ones((2, 3)), np.ones(1))
 
 
 @pytest.mark.parametrize("solver", ["daqp", "osqp"])
