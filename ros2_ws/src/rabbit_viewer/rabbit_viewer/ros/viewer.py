@@ -59,7 +59,7 @@ class ViewerNode(CheckedNode):
         self.failure = ""  # what ends the node
         self._rviz = RvizTopics(self)
         services = SERVICES.values() if own.control else ()
-        self._services: dict[str, Any] = {name: self.create_client(kind, name) for name, kind in services}
+        self._service_clients: dict[str, Any] = {name: self.create_client(kind, name) for name, kind in services}
         self._episode = msg.Episode()
         self._previews: dict[int, StonePreview] = {}  # of this episode, by stone
         self._drawn: dict[str, dict[str, Any]] = {}  # parameters that the page draws, by controller, the newest last
@@ -177,7 +177,7 @@ class ViewerNode(CheckedNode):
     def _ask(self, asked: Asked) -> None:
         """Pass on what a browser asks; the answer comes later."""
         name, kind = SERVICES[asked.do]
-        client = self._services[name]
+        client = self._service_clients[name]
         if client.service_is_ready():
             request = kind.Request(**asked.model_dump(exclude={"do"}, by_alias=True))
             client.call_async(request).add_done_callback(partial(self._on_answer, name))
