@@ -27,7 +27,9 @@ class Shown(Protocol):
     """One of those that are played: a `row` a tick; `outcome` is empty until it has ended, `ended` says how."""
 
     row: list[float]
-    outcome: str
+
+    @property
+    def outcome(self) -> str: ...
 
     @property
     def about(self) -> dict[str, Any]: ...
