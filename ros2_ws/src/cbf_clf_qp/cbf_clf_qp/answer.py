@@ -42,6 +42,10 @@ class Decided:
     status: Any  # str
     seconds: float
 
+    def __getitem__(self, i: int) -> "Decided":
+        """That of robot `i` of N."""
+        return Decided(self.values[i], self.layout, self.solved[i], self.solver[i], self.status[i], self.seconds)
+
     @property
     def u(self) -> Array:
         """The input."""

@@ -13,112 +13,51 @@ from typing import Any
 import numpy as np
 from cbf_clf_qp.answer import Decided
 from cbf_clf_qp.estimates import Estimates
-from cbf_clf_qp.functions import NumpyFunction, Values
-from cbf_clf_qp.qp import ROUNDING as ACTIVE
 from rabbit_description.robot_states import RobotStates
-from rabbit_description.state import DOF, JOINTS, SWAP_STATE, SWAP_TORQUE, TICK_SECONDS, Array, Leg
+from rabbit_description.state import JOINTS, SWAP_STATE, SWAP_TORQUE, TICK_SECONDS, Array, Leg
 
 from rl_cbf_clf_controller.batch_functions import BatchFunction, answers, batch_with_daqp
-from rl_cbf_clf_controller.controller import CARRIED, NO_TORQUE, ROUNDING, Controller
-from rl_cbf_clf_controller.controller_output import ControllerOutput, flat, seen_fields
-from rl_cbf_clf_controller.parameters import ControllerParameters
+from rl_cbf_clf_controller.controller import NO_TORQUE, ROUNDING, Controller
+from rl_cbf_clf_controller.controller_output import Acted, ControllerOutput, flat
 from rl_cbf_clf_controller.policy import LearnedPolicy, Policy
 from rl_cbf_clf_controller.residual_policy import Memory, ResidualPolicy
 from rl_cbf_clf_controller.scene import ControllerError, Scene
-from rl_cbf_clf_controller.step_outputs import Touchdown
-from rl_cbf_clf_controller.virtual_constraints import VirtualConstraints
 
 
-@dataclass(frozen=True)
-class BatchScene:
-    """What is seen of N robots, a row each; see `Scene`.
+@dataclass
+class BatchScene(Scene):
+    """What is seen of N robots.
 
     `errors`: why the controller refuses a robot's state, `faults`: why its episode must end, both by its number.
     """
 
-    x: Array
-    seen: Values
-    force: Array
-    observation: Array
-    tick: Array
-    torque: Array
-    stance: Array
-    step_index: Array
-    step_time: Array
-    model_error: NumpyFunction
     errors: dict[int, str]
     faults: dict[int, str]
-
-    def __getitem__(self, i: int) -> Scene:
-        """Of robot `i`."""
-        return Scene(
-            self.x[i],
-            self.seen[i],
-            self.force[i],
-            self.observation[i],
-            int(self.tick[i]),
-            self.torque[i],
-            Leg(int(self.stance[i])),
-            int(self.step_index[i]),
-            float(self.step_time[i]),
-            self.model_error,
-        )
 
 
 @dataclass(frozen=True)
 class BatchOutput:
     """What a tick decides, a row a robot; see `ControllerOutput`. `torque` (N, 4): left/right order, saturated, N m.
 
-    `estimates`: of all estimators; `policies`: whose they are among others; `own`: further fields, by name.
+    `acted`: mu, mu_qp, omega, saturated and the policies; `estimates`: of all estimators; `known`: what is known of the
+    identified robots and their estimates, where there are such.
     """
 
+    one: Controller
     scene: BatchScene
     torque: Array
     decided: Decided
     estimates: Estimates
-    mu: Array
-    mu_qp: Array
-    omega: Array
-    saturated: Array
-    quantities: tuple[str, ...]
-    barrier_names: tuple[str, ...]
-    policies: list[Policy]
-    parameters: ControllerParameters
-    own: dict[str, Any]
+    acted: tuple[Any, ...]
+    known: tuple[Any, ...]
 
     def __getitem__(self, i: int) -> ControllerOutput:
         """Of robot `i`."""
-        decided, layout = self.decided, self.decided.layout
-        slack, margin = decided.values.slack[i], decided.values.margin[i].tolist()
-        clf_slack, rescue_slack = layout.slack_sums(slack)
-        return ControllerOutput(
-            torque=self.torque[i],
-            mu=self.mu[i],
-            mu_qp=self.mu_qp[i],
-            omega=self.omega[i],
-            alpha=self.estimates.alpha[i],
-            beta=self.estimates.beta[i],
-            clf_slack=clf_slack,
-            rescue_slack=rescue_slack,
-            active=tuple([name for name, each in zip(layout.names, margin, strict=True) if each < ACTIVE]),
-            rows=layout.names,
-            margins=decided.values.row_margin[i],
-            slacks=slack,
-            multipliers=decided.values.multiplier[i],
-            saturated=bool(self.saturated[i]),
-            solver=decided.solver[i],
-            status=decided.status[i],
-            answered=decided.solver[i] == self.parameters.qp_solver,
-            solve_seconds=decided.seconds,
-            policy_version=self.policies[i].version,
-            fault=self.scene.faults.get(i, ""),
-            quantities=self.quantities,
-            objective=self.parameters.objective,
-            adaptation=self.parameters.adaptation,
-            **seen_fields(self.scene[i]),
-            barrier_names=self.barrier_names,
-            **{name: values[i] for name, values in self.own.items()},
-        )
+        mu, mu_qp, omega, saturated, policy = (each[i] for each in self.acted)
+        fault = self.scene.faults.get(i, "")
+        acted = Acted(self.torque[i], mu, mu_qp, omega, bool(saturated), policy.version, fault)
+        known = (each[i] for each in self.known)
+        return self.one.output_of(self.scene[i], acted, self.decided[i], self.estimates[i], *known)
 
 
 class BatchController:
@@ -131,22 +70,17 @@ class BatchController:
         n, tick = len(policies), controller.qp
         self._one, self.policies = controller, list(policies)
         self.parameters = controller.parameters
-        self._steps = [controller.steps.another() for _ in policies]
+        self._steps = [controller._step.another() for _ in policies]
         self._robots = controller._robot.another(n) if controller._robot else None
         self._estimators = [[each.another() for each in controller._estimators] for _ in policies]
         self._acts_at_once = isinstance(policies[0], LearnedPolicy) and len(set(map(id, policies))) == 1
         self._answers = [controller._answer.another() for _ in policies]
         self._look, self._with_daqp = BatchFunction(controller._look), batch_with_daqp(controller._answer)
-        self._feet = BatchFunction(controller._feet.function)
-        self._rngs = [np.random.default_rng(0) for _ in policies]
-        self._constraints = [steps.first() for steps in self._steps]
-        self._stance, self._index, self._start_tick = np.zeros((3, n), dtype=int)
+        self._stance = np.zeros(n, dtype=int)
         self._orders: dict[int, Array] = {}  # of the columns, by their number, for the legs that stand
         self._checked = np.full((n, 3), np.nan)  # stones
-        self._has_begun, self._seconds_before = np.zeros(n, dtype=bool), np.zeros(n)
-        self._torque, self._held, self._place = np.tile(NO_TORQUE, (n, 1)), np.zeros((n, JOINTS)), np.zeros((n, 2))
-        self._moved, self._carries = np.zeros((n, 2)), np.ones(n, dtype=bool)
-        self._path = np.array([each.row for each in self._constraints])
+        self._torque, self._held = np.tile(NO_TORQUE, (n, 1)), np.zeros((n, JOINTS))
+        self._path = np.array([each.constraints.row for each in self._steps])
         self._p = np.tile(controller._p, (n, 1))
         self._last_tick, self._left = np.full(n, -2), np.tile(controller._new, (n, 1))
         self._none = Estimates.of_many([tick.no_error()])
@@ -156,12 +90,11 @@ class BatchController:
 
     def reset(self, i: int, seed: int) -> None:
         """Begin an episode of robot `i`; see `Controller.reset`."""
-        self._rngs[i] = np.random.default_rng(seed)
-        self._stance[i] = self._index[i] = self._start_tick[i] = 0
+        self._steps[i].reset(seed)
+        self._steps[i].follow(self._p[i], self._one._places)
+        self._path[i], self._stance[i] = self._steps[i].constraints.row, Leg.LEFT
         self._orders.clear()
-        self._seconds_before[i], self._torque[i], self._last_tick[i] = np.nan, NO_TORQUE, -2
-        self._has_begun[i], self._held[i] = False, 0.0
-        self._follow(i, self._steps[i].first())
+        self._torque[i], self._held[i], self._last_tick[i] = NO_TORQUE, 0.0, -2
         self._answers[i].reset()
         self._memory.forget(i)
         if self._robots:
@@ -195,25 +128,29 @@ class BatchController:
             self._torque = np.where(is_known[:, None], self._by_stance(states.applied, SWAP_TORQUE), self._torque)
         if self._robots:
             q = self._robots.set_right(q)
-        faults = self._swap_legs(states, q)
+        self._swap_legs(states, q)
         x = np.concatenate([self._by_stance(q, SWAP_STATE), self._by_stance(dq, SWAP_STATE)], axis=1)
-        for i in (~self._has_begun).nonzero()[0].tolist():
-            self._begin_step(i, x[i], states)
         p, places, parameters = self._p, self._one._places, self._one.parameters
+        for i, step in enumerate(self._steps):
+            if not step.has_begun:
+                step.begin(x[i], states.previews[i], p[i], places)
+                self._path[i] = step.constraints.row
         force = np.where(self._stance[:, None, None], states.foot_force[:, ::-1], states.foot_force)
         p[:, places["force"]], p[:, places["held"]] = force[:, 0], self._by_stance(self._held, SWAP_TORQUE)
+        stones, sees_stone = states.stones, ~np.isnan(states.stones[:, :1])
         if parameters.stone_tracking and parameters.terrain == "stones":
-            self._track(x, force[:, 0, 1])
-        sees_stone = ~np.isnan(states.stones[:, :1])
-        np.copyto(p[:, self._one._stone], states.stones - self._moved[:, (0, 0, 1)], where=sees_stone)
+            stand = zip(self._steps, x, force[:, 0, 1].tolist(), strict=True)
+            stones = stones - np.array([step.moved(*where) for step, *where in stand])[:, (0, 0, 1)]
+        np.copyto(p[:, self._one._stone], stones, where=sees_stone)
         if self._robots:
             self._left[self._robots.tune(p, places, parameters)] = np.nan
             if parameters.prediction:
                 x = self._robots.predicted(x, self._torque)
         self._left[self._last_tick != states.tick - 1] = np.nan
         seen = self._look(x, p, self._path, self._torque, self._left)
+        touchdowns = states.touchdowns.tolist()
         stone = next((each for each in states.previews if each), None)
-        observed = self._one._terrain.observed(stone, self._steps[0].wanted)
+        observed = self._one.observed(stone, self._steps[0].steps)
         return BatchScene(
             x=x,
             seen=seen,
@@ -222,11 +159,11 @@ class BatchController:
             tick=states.tick,
             torque=self._torque.copy(),
             stance=self._stance.copy(),
-            step_index=self._index.copy(),
-            step_time=(states.tick - self._start_tick) * TICK_SECONDS,
+            step_index=np.array([step.index for step in self._steps]),
+            step_time=(states.tick - [step.start_tick for step in self._steps]) * TICK_SECONDS,
             model_error=self._one._error,
             errors=errors,
-            faults=faults,
+            faults={i: fault for i, step in enumerate(self._steps) if (fault := step.disagrees(touchdowns[i]))},
         )
 
     def decide(self, scene: BatchScene, estimates: Estimates | None = None) -> BatchOutput:
@@ -235,13 +172,8 @@ class BatchController:
         if self._residual:
             parts[0] = self._residual.of_many(self._memory, scene, total)
             total = total + parts[0]
-        error = total.output_error
-        if error is None:
-            if self._one.parameters.objective == "pd_centred" and not self._one._corrects_input:
-                raise ControllerError(
-                    "objective pd_centred: expected a structured policy, which gives the output error"
-                )
-            error = np.zeros((len(scene.x), *self._no_output_error))
+        self._one.check_estimates(total)
+        error = np.zeros((len(scene.x), *self._no_output_error)) if total.output_error is None else total.output_error
         decided = answers(self._answers, self._with_daqp, scene.seen.prepared, total.alpha, total.beta, error)
         output = self._output(scene, decided, total, parts)
         self._last_tick, self._left = scene.tick, scene.seen.leaves.copy()
@@ -279,7 +211,7 @@ class BatchController:
             wanted[i] = a[i] @ mu_qp[i] + b[i]
         mu = mu_qp
         if parameters.sigma > 0:
-            omega = parameters.sigma * np.array([rng.standard_normal(JOINTS) for rng in self._rngs])
+            omega = parameters.sigma * np.array([step.rng.standard_normal(JOINTS) for step in self._steps])
             mu = mu_qp + omega
             wanted = np.array([a[i] @ mu[i] + b[i] for i in range(n)])
         limit = parameters.torque_limit
@@ -290,14 +222,11 @@ class BatchController:
             for i in saturated.nonzero()[0].tolist():
                 mu[i] = np.linalg.solve(a[i], torque[i] - b[i])
         self._torque = torque
-        own = dict[str, Any]()
-        if self._robots:
-            own |= {"identified": self._robots.shown, "adapted": [flat(parts[1][i]) for i in range(n)]}
+        known = (self._robots.shown, [flat(parts[1][i]) for i in range(n)]) if self._robots else ()
         torque = self._by_stance(torque, SWAP_TORQUE)
         self._held = torque.copy()  # which a reset changes, and not what has been handed out
-        names = self._one.qp.names, self._one.barrier_names
-        last = *names, list(self.policies), parameters, own
-        return BatchOutput(scene, torque, decided, total, mu, mu_qp, omega, saturated, *last)
+        acted = mu, mu_qp, omega, saturated, list(self.policies)
+        return BatchOutput(self._one, scene, torque, decided, total, acted, known)
 
     def _by_stance(self, values: Array, swapped: Any) -> Array:
         """Columns from left/right to stance/swing order and back."""
@@ -320,52 +249,17 @@ class BatchController:
                 refused[i] = f"controller error: {error}"
         return refused
 
-    def _swap_legs(self, states: RobotStates, q: Array) -> dict[int, str]:
-        """Swap stance and swing at a touchdown; faults where this and the simulator's count disagree."""
-        parameters = self._one.parameters
+    def _swap_legs(self, states: RobotStates, q: Array) -> None:
+        """See `Stepping.swaps`."""
         has_come_down = states.contact[np.arange(len(states)), 1 - self._stance]
         for i in has_come_down.nonzero()[0].tolist():
-            seconds = (int(states.tick[i]) - int(self._start_tick[i])) * TICK_SECONDS
-            if not seconds > parameters.swap_time:
-                continue
-            q_s = q[i, SWAP_STATE] if self._stance[i] else q[i]
-            if self._constraints[i].phase(q_s) > parameters.swap_phase:
-                self._stance[i] = 1 - self._stance[i]
+            step = self._steps[i]
+            if step.swaps(int(states.tick[i]), states.contact[i], q[i], self._one.parameters):
+                self._stance[i], self._torque[i], self._last_tick[i] = step.stance, NO_TORQUE, -2
                 self._orders.clear()
-                self._index[i] += 1
-                self._start_tick[i], self._seconds_before[i] = states.tick[i], seconds
-                self._torque[i], self._last_tick[i], self._has_begun[i] = NO_TORQUE, -2, False
-        wrong = (states.touchdowns != self._index).nonzero()[0].tolist()
-        return {i: f"contact disagreement: {states.touchdowns[i]} touchdowns, {self._index[i]} steps" for i in wrong}
-
-    def _track(self, x: Array, normal_force: Array) -> None:
-        """See `Controller._moved`."""
-        carries = normal_force > CARRIED
-        stands = (carries & self._carries)[:, None]
-        if not stands.all():
-            moved = self._feet(x[:, :DOF], *(each.ravel() for each in self._one._feet.lengths)).stance - self._place
-            self._moved = np.where(stands, self._moved, moved)
-        self._carries = carries
-
-    def _begin_step(self, i: int, x: Array, states: RobotStates) -> None:
-        """See `Controller`."""
-        seconds = None if np.isnan(self._seconds_before[i]) else float(self._seconds_before[i])
-        feet = self._one._feet(x[:DOF])
-        taken, self._place[i] = -float(feet.swing[0]), feet.stance
-        self._moved[i], self._carries[i] = 0.0, True
-        self._follow(i, self._steps[i].begin(Touchdown(x[:DOF], x[DOF:], taken, seconds, states.previews[i])))
-        self._has_begun[i] = True
-
-    def _follow(self, i: int, constraints: VirtualConstraints) -> None:
-        """From now on robot `i` has these outputs."""
-        self._constraints[i] = constraints
-        self._path[i], places = constraints.row, self._one._places
-        self._p[i, places["phase_scale"]] = constraints.scale
-        self._p[i, places["step_length"]] = self._steps[i].wanted or 0.0
 
 
 PER_ROBOT = {
-    *("policies", "_steps", "_estimators", "_rngs", "_constraints", "_stance", "_index", "_start_tick", "_has_begun"),
-    *("_answers", "_seconds_before", "_checked", "_torque", "_held", "_place", "_moved", "_carries", "_path", "_p"),
+    *("policies", "_steps", "_estimators", "_answers", "_stance", "_checked", "_torque", "_held", "_path", "_p"),
     *("_last_tick", "_left"),
 }

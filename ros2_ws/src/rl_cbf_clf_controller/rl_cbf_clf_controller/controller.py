@@ -6,8 +6,7 @@
 Which leg stands, exploration and what is kept from tick to tick are here; what a controller constrains is its recipe.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from cbf_clf_qp.answer import Decided
@@ -36,9 +35,9 @@ from rl_cbf_clf_controller.policy import Policy
 from rl_cbf_clf_controller.recipes import barriers_of, make_tick
 from rl_cbf_clf_controller.robot_numbers import Feet, read_robot
 from rl_cbf_clf_controller.scene import ControllerError, Scene, is_finite
-from rl_cbf_clf_controller.step_outputs import Touchdown, make_steps
-from rl_cbf_clf_controller.terrain import Terrain
+from rl_cbf_clf_controller.step_outputs import Steps, Touchdown, make_steps
 from rl_cbf_clf_controller.tick_functions import tick_functions
+from rl_cbf_clf_controller.uncertainty import STATE_OBSERVATION
 from rl_cbf_clf_controller.virtual_constraints import VirtualConstraints
 from rl_cbf_clf_controller.walking import GAINS, Walking
 
@@ -47,6 +46,8 @@ NO_TORQUE = no_torque()
 SWAP_X = np.concatenate([SWAP_STATE, DOF + SWAP_STATE])
 NO_NOISE = np.zeros(JOINTS)
 CARRIED = 20.0  # N; a foot that presses less may be falling
+FARTHEST_STONE = 2.0  # m
+HIGHEST_STONE = 0.5  # m, up or down
 DYNAMIC = ("sigma", "swap_time", "swap_phase", *GAINS)  # parameters that may change between two ticks
 
 Further = Callable[[Walking], Sequence[Constrained]]  # quantities of RABBIT's symbols
@@ -57,23 +58,67 @@ def nothing_further(walking: Walking) -> Sequence[Constrained]:
     return ()
 
 
-@dataclass
-class StepState:
-    """Which leg stands, for how long, how many steps have been taken, how long the last one took, s; the last tick's
-    torque and scene of this step. `place` (2,), m: where the stance foot came down, in the world; `moved` (2,), m: from
-    there while it carried nothing; `carries`: whether it carries the robot."""
+class Stepping:
+    """The steps of one robot: which leg stands since which tick, how many have been taken, the outputs of this one.
 
-    stance: Leg = Leg.LEFT
-    index: int = 0
-    start_tick: int = 0
-    seconds_before: float | None = None
-    has_begun: bool = False
-    torque: Array = field(default_factory=lambda: NO_TORQUE)
-    last: Scene | None = None
-    place: Array = field(default_factory=lambda: np.zeros(2))
-    moved: Array = field(default_factory=lambda: np.zeros(2))
-    carries: bool = True
-    rng: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
+    `steps`: a gait's, or a library's; `constraints`: the present outputs, of this step where it `has_begun`; `rng`: of
+    the exploration.
+    """
+
+    constraints: VirtualConstraints
+    rng: np.random.Generator
+
+    def __init__(self, steps: Steps, feet: Feet) -> None:
+        self.steps, self._feet = steps, feet
+        self.reset(0)
+
+    def another(self) -> "Stepping":
+        """For another robot in the same thread."""
+        return Stepping(self.steps.another(), self._feet)
+
+    def reset(self, seed: int) -> None:
+        """Begin an episode: left leg stands; the exploration noise starts from `seed`."""
+        self.stance, self.index, self.start_tick = Leg.LEFT, 0, 0
+        self._seconds_before: float | None = None  # that the last step took
+        self._place, self._moved, self._carries = np.zeros(2), np.zeros(2), True  # of the stance foot
+        self.has_begun, self.rng, self.constraints = False, np.random.default_rng(seed), self.steps.first()
+
+    def swaps(self, tick: int, contact: Array, q: Array, parameters: ControllerParameters) -> bool:
+        """Swap stance and swing at a touchdown: whether it was one. `contact` (2,) and q (7,): left/right order."""
+        swing, seconds = self.stance.other, (tick - self.start_tick) * TICK_SECONDS
+        if not (contact[swing] and seconds > parameters.swap_time):
+            return False
+        if not self.constraints.phase(q[SWAP_STATE] if self.stance is Leg.RIGHT else q) > parameters.swap_phase:
+            return False
+        self.stance, self.index, self.start_tick, self._seconds_before = swing, self.index + 1, tick, seconds
+        self.has_begun = False
+        return True
+
+    def begin(self, x: Array, stone: StonePreview | None, p: Array, places: Mapping[str, slice]) -> None:
+        """A step, from the state `x` (14,), stance/swing order, towards the stone that is seen; into parameters `p`."""
+        feet = self._feet(x[:DOF])
+        taken, self._place = -float(feet.swing[0]), feet.stance
+        self._moved, self._carries, self.has_begun = np.zeros(2), True, True
+        self.constraints = self.steps.begin(Touchdown(x[:DOF], x[DOF:], taken, self._seconds_before, stone))
+        self.follow(p, places)
+
+    def follow(self, p: Array, places: Mapping[str, slice]) -> None:
+        """The present outputs, into the parameters `p` of a tick."""
+        p[places["phase_scale"]] = self.constraints.scale
+        p[places["step_length"]] = self.steps.wanted or 0.0
+
+    def moved(self, x: Array, normal_force: float) -> Array:
+        """How far the stance foot has moved since it came down, (2,), m: a foot that carries the robot stands."""
+        carries = normal_force > CARRIED
+        if not (carries and self._carries):
+            self._moved = self._feet(x[:DOF]).stance - self._place
+        self._carries = carries
+        return self._moved
+
+    def disagrees(self, touchdowns: int) -> str:
+        """With the simulator's count: a fault; empty where it does not."""
+        is_wrong = touchdowns != self.index
+        return f"contact disagreement: {touchdowns} touchdowns, {self.index} steps" if is_wrong else ""
 
 
 class Controller:
@@ -88,6 +133,7 @@ class Controller:
     decided: Decided
     estimates: Estimates
     parts: list[Estimates]
+    _last: Scene | None
 
     @one_at_a_time
     def __init__(
@@ -99,7 +145,7 @@ class Controller:
         urdf: str | None = None,
     ) -> None:
         self._kind = find_kind(parameters.controller)
-        self._corrects_input = self._kind.problem.corrects_input
+        self._needs_output_error = parameters.objective == "pd_centred" and not self._kind.problem.corrects_input
         walking, robot = Walking(), read_robot(urdf)
         added = further(walking)
         self.qp = make_tick(walking, parameters, added)
@@ -118,9 +164,9 @@ class Controller:
         self._robot = IdentifiedRobots(robot, self._error, parameters.doubt_eps > 0) if identifies else None
         self._estimators = self._kind.estimators(parameters)
         self.policy = policy
-        self._terrain = Terrain(self._kind.terrain)
-        self._start, self._feet = gait.x_start, Feet(robot)
-        self.steps = make_steps(gait, parameters, self._feet)
+        self._start, feet = gait.x_start, Feet(robot)
+        self.steps = make_steps(gait, parameters, feet)
+        self._step = Stepping(self.steps, feet)
         self.reset(0)
 
     @property
@@ -142,7 +188,7 @@ class Controller:
             raise ControllerError(f"{', '.join(sorted(fixed))}: expected no change, which needs a new controller")
         self._parameters = new
         if changed.intersection(GAINS):
-            self._step.last = None  # a difference of V under two gains measures nothing
+            self._last = None  # a difference of V under two gains measures nothing
         for name in GAINS:
             self._p[self._places[name]] = getattr(new, name)
 
@@ -169,9 +215,10 @@ class Controller:
 
     def reset(self, seed: int) -> None:
         """Begin an episode: left leg stands; the exploration noise starts from `seed`."""
-        self._step = StepState(rng=np.random.default_rng(seed))
-        self._held = np.zeros(JOINTS)  # torque of the last tick, left/right order
-        self._follow(self.steps.first())
+        self._step.reset(seed)
+        self._step.follow(self._p, self._places)
+        self._torque, self._held = NO_TORQUE, np.zeros(JOINTS)  # of the last tick; the latter in left/right order
+        self._last = None  # scene of this step
         self._answer.reset()
         if self._robot:
             self._robot.reset()
@@ -201,42 +248,44 @@ class Controller:
         """
         fault = self.see(state)
         self.decided = self.decide(self.scene)
-        self._step.last = self.scene
+        self._last = self.scene
         return self._act(fault)
 
     def see(self, state: RobotState) -> str:
         """Take a state in: which leg stands, the step's outputs, `scene`. Why the episode must end, or nothing."""
         self._check(state)
+        step = self._step
         if is_finite(state.applied):  # in real time it may be another than the one that this gave last
             self._held = state.applied
-            self._step.torque = state.applied[SWAP_TORQUE] if self._step.stance is Leg.RIGHT else state.applied
+            self._torque = state.applied[SWAP_TORQUE] if step.stance is Leg.RIGHT else state.applied
         if self._robot:
             state = state.with_q(self._robot.set_right(state.q[None])[0])
-        fault = self._swap_legs(state)
-        if not self._step.has_begun:
-            self._begin_step(state)
+        if step.swaps(state.tick, state.contact, state.q, self.parameters):
+            self._torque, self._last = NO_TORQUE, None
+        if not step.has_begun:
+            step.begin(self._by_stance(state), state.preview, self._p, self._places)
         self.scene = self.look(state)
-        return fault
+        return step.disagrees(state.touchdowns)
 
     def look(self, state: RobotState) -> Scene:
         """What is seen of a state, with the present stance leg."""
         p, places, step, stone = self._p, self._places, self._step, state.preview
-        x, force, held = np.concatenate((state.q, state.dq)), state.foot_force, self._held
+        x, force, held = self._by_stance(state), state.foot_force, self._held
         if step.stance is Leg.RIGHT:
-            x, force, held = x[SWAP_X], force[::-1], held[SWAP_TORQUE]
+            force, held = force[::-1], held[SWAP_TORQUE]
         if stone is not None:
-            along, up = self._moved(x, float(force[0, 1])).tolist() if self.parameters.stone_tracking else (0.0, 0.0)
+            along, up = step.moved(x, float(force[0, 1])).tolist() if self.parameters.stone_tracking else (0.0, 0.0)
             p[self._stone] = stone.l_min - along, stone.l_max - along, stone.height - up
         if self._robot:
             if self._robot.tune(p[None], places, self.parameters)[0]:
-                step.last = None  # as of a change of parameters: V has two gains
+                self._last = None  # as of a change of parameters: V has two gains
             if self.parameters.prediction:
-                x = self._robot.predicted(x[None], step.torque[None])[0]
+                x = self._robot.predicted(x[None], self._torque[None])[0]
         p[places["force"]], p[places["held"]] = force[0], held
-        before = step.last.seen.leaves if step.last and step.last.tick == state.tick - 1 else self._new
-        seen = self._look(x, p, self._constraints.row, step.torque, before)
-        observation = seen.observation[: self._terrain.observed(stone, self.steps.wanted)]
-        of_step = step.torque, step.stance, step.index, (state.tick - step.start_tick) * TICK_SECONDS
+        before = self._last.seen.leaves if self._last and self._last.tick == state.tick - 1 else self._new
+        seen = self._look(x, p, step.constraints.row, self._torque, before)
+        observation = seen.observation[: self.observed(stone, self.steps)]
+        of_step = self._torque, step.stance, step.index, (state.tick - step.start_tick) * TICK_SECONDS
         return Scene(x, seen, force, observation, state.tick, *of_step, self._error)
 
     def decide(self, scene: Scene) -> Decided:
@@ -254,15 +303,18 @@ class Controller:
             parts[0] = self.policy.estimate(scene, total)
             total = total + parts[0]
         self.parts, self.estimates = parts, total
+        self.check_estimates(total)
         known = () if total.output_error is None else (total.output_error,)
-        if not known and self.parameters.objective == "pd_centred" and not self._corrects_input:
-            raise ControllerError("objective pd_centred: expected a structured policy, which gives the output error")
         return self._answer(scene.seen.prepared, total.alpha, total.beta, *known)
+
+    def check_estimates(self, total: Estimates) -> None:
+        """Raises `ControllerError` where the objective needs an output error, and none is known."""
+        if total.output_error is None and self._needs_output_error:
+            raise ControllerError("objective pd_centred: expected a structured policy, which gives the output error")
 
     def _act(self, fault: str) -> Acted:
         """What was decided, with exploration, within the torque limit."""
-        p, step, decided = self.parameters, self._step, self.decided
-        values = decided.values
+        p, step, decided, values = self.parameters, self._step, self.decided, self.decided.values
         mu_qp, wanted, omega = values.mu, values.u, NO_NOISE
         if not decided.solved:
             fault, mu_qp = fault or f"no solver answered: {decided.status}", np.zeros(JOINTS)
@@ -277,22 +329,35 @@ class Controller:
         saturated = largest > p.torque_limit + ROUNDING
         if saturated:
             mu = np.linalg.solve(values.control_a, torque - values.control_b)
-        step.torque = torque
+        self._torque = torque
         self._held = torque[SWAP_TORQUE] if step.stance is Leg.RIGHT else torque
         self._acted = Acted(self._held, mu, mu_qp, omega, saturated, self.policy.version, fault)
         return self._acted
 
     def output(self) -> ControllerOutput:
         """All of the last tick that others read."""
-        p, decided, values = self.parameters, self.decided, self.decided.values
+        known = (self._robot.shown[0], flat(self.parts[1])) if self._robot else (NOTHING, NOTHING)
+        return self.output_of(self.scene, self._acted, self.decided, self.estimates, *known)
+
+    def output_of(
+        self,
+        scene: Scene,
+        acted: Acted,
+        decided: Decided,
+        estimates: Estimates,
+        identified: Array = NOTHING,
+        adapted: Array = NOTHING,
+    ) -> ControllerOutput:
+        """That of a tick, of these parts."""
+        values = decided.values
         clf_slack, rescue_slack = decided.layout.slack_sums(values.slack)
         return ControllerOutput(
-            **seen_fields(self.scene),
-            **vars(self._acted),
+            **seen_fields(scene),
+            **vars(acted),
             barrier_names=self.barrier_names,
             quantities=self.qp.names,
-            alpha=self.estimates.alpha,
-            beta=self.estimates.beta,
+            alpha=estimates.alpha,
+            beta=estimates.beta,
             clf_slack=clf_slack,
             rescue_slack=rescue_slack,
             active=decided.active,
@@ -302,57 +367,38 @@ class Controller:
             multipliers=values.multiplier,
             solver=decided.solver,
             status=decided.status,
-            answered=decided.solver == p.qp_solver,
+            answered=decided.solver == self.parameters.qp_solver,
             solve_seconds=decided.seconds,
-            objective=p.objective,
-            adaptation=p.adaptation,
-            identified=self._robot.shown[0] if self._robot else NOTHING,
-            adapted=flat(self.parts[1]) if self._robot else NOTHING,
+            objective=self.parameters.objective,
+            adaptation=self.parameters.adaptation,
+            identified=identified,
+            adapted=adapted,
         )
 
-    def _moved(self, x: Array, normal_force: float) -> Array:
-        """How far the stance foot has moved since it came down, (2,), m: a foot that carries the robot stands."""
-        step, carries = self._step, normal_force > CARRIED
-        if not (carries and step.carries):
-            step.moved = self._feet(x[:DOF]).stance - step.place
-        step.carries = carries
-        return step.moved
-
-    def _relabel(self, values: Array) -> Array:
-        return values[SWAP_STATE] if self._step.stance is Leg.RIGHT else values
-
-    def _swap_legs(self, state: RobotState) -> str:
-        """Swap stance and swing at a touchdown; a fault where this and the simulator's count disagree."""
-        p, step = self.parameters, self._step
-        swing = step.stance.other
-        seconds = (state.tick - step.start_tick) * TICK_SECONDS
-        is_late = state.contact[swing] and seconds > p.swap_time
-        if is_late and self._constraints.phase(self._relabel(state.q)) > p.swap_phase:
-            step.stance, step.index, step.start_tick, step.seconds_before = swing, step.index + 1, state.tick, seconds
-            step.torque, step.last, step.has_begun = NO_TORQUE, None, False
-        if state.touchdowns != step.index:
-            return f"contact disagreement: {state.touchdowns} touchdowns, {step.index} steps"
-        return ""
-
-    def _begin_step(self, state: RobotState) -> None:
-        """The step's outputs, from where the feet stand and the stone that is seen."""
-        q_s, dq_s = self._relabel(state.q), self._relabel(state.dq)
-        feet = self._feet(q_s)
-        taken, self._step.place = -float(feet.swing[0]), feet.stance
-        self._step.moved, self._step.carries = np.zeros(2), True
-        touchdown = Touchdown(q_s, dq_s, taken, self._step.seconds_before, state.preview)
-        self._follow(self.steps.begin(touchdown))
-        self._step.has_begun = True
-
-    def _follow(self, constraints: VirtualConstraints) -> None:
-        """From now on these are the outputs."""
-        self._constraints = constraints
-        self._p[self._places["phase_scale"]] = constraints.scale
-        self._p[self._places["step_length"]] = self.steps.wanted or 0.0
+    def _by_stance(self, state: RobotState) -> Array:
+        """(q, q') (14,) in stance/swing order."""
+        x = np.concatenate((state.q, state.dq))
+        return x[SWAP_X] if self._step.stance is Leg.RIGHT else x
 
     def _check(self, state: RobotState) -> None:
         q, dq = state.q, state.dq
         if not (q.shape == dq.shape == (DOF,) and is_finite(q) and is_finite(dq)):
             wrong = "dq" if q.shape == (DOF,) and is_finite(q) else "q"
             raise ControllerError(f"state.{wrong} = {getattr(state, wrong)}: expected {DOF} finite values")
-        self._terrain.check(state)
+        if self.parameters.terrain == "stones":
+            check_stone(state.preview, state.touchdowns + 1)
+
+    def observed(self, stone: StonePreview | None, steps: Steps) -> int:
+        """How many of the observations there are: the robot's; on stones the near edge, and a library's step length."""
+        is_seen = stone is not None and self.parameters.terrain == "stones"
+        return len(STATE_OBSERVATION) + (1 + len(steps.wanted) if is_seen else 0)
+
+
+def check_stone(stone: StonePreview | None, index: int) -> None:
+    """Raises `ControllerError` where a preview is not that of the stone of this index."""
+    if stone is None or stone.index != index:
+        raise ControllerError(f"state.preview = {stone}: expected stone {index}")
+    if not 0 < stone.l_min < stone.l_max < FARTHEST_STONE:
+        raise ControllerError(f"state.preview = {stone}: expected 0 < l_min < l_max < {FARTHEST_STONE:g} m")
+    if not abs(stone.height) <= HIGHEST_STONE:
+        raise ControllerError(f"state.preview = {stone}: expected a height of at most {HIGHEST_STONE:g} m")

@@ -72,7 +72,8 @@ class IdentifiedRobots:
         self._lengths = nominal.joints.ravel(), nominal.feet.ravel()
         self._after, self._predicted = BatchFunction(alone), BatchFunction(prediction_function())
         self._model_error = BatchFunction(model_error)
-        self.known, self._measured = alone.values(self._first[None].copy()), None
+        self.known = alone.values(self._first[None].copy())
+        self._measured: Array | None = None  # the state, where another one is predicted
 
     def another(self, robots: int) -> "IdentifiedRobots":
         """So many other robots in the same thread: the same functions, nothing learned."""

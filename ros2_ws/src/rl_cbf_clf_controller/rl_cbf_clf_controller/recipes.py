@@ -1,6 +1,7 @@
 """The seven controllers: which QP has which quantities, constraints, corners and objective. One table."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import casadi as ca
@@ -10,7 +11,7 @@ from cbf_clf_qp.constraints import Barrier, Clf, ResClf
 from cbf_clf_qp.quantity import Constrained, Constraint, Quantity, Rows, Terms, at_most
 from cbf_clf_qp.tick import Tick
 
-from rl_cbf_clf_controller.contact_force import ForceRows, contact_force
+from rl_cbf_clf_controller.contact_force import contact_force, force_rows
 from rl_cbf_clf_controller.kinds import Kind, find_kind
 from rl_cbf_clf_controller.l1_adaptation import L1Adaptation
 from rl_cbf_clf_controller.parameters import ControllerParameters
@@ -37,7 +38,7 @@ def stones(w: Walking, p: Parameters) -> list[Constrained]:
     found = stone_barriers(w.robot.swing, *edges, stone.height, g["R1"], g["R2"])
     poles, weight = (g["barrier_pole_1"], g["barrier_pole_2"]), BARRIER_RESCUE_WEIGHT
     barriers = [Barrier(f"B{i + 1}", B, poles, weight, p.barrier_rows) for i, B in enumerate(found)]
-    return [clf, *barriers, contact_force(w.robot.force, w.force, force_rows(w, p) if p.force_rows else None)]
+    return [clf, *barriers, contact_force(w.robot.force, w.force, rows_of_force(w, p) if p.force_rows else None)]
 
 
 def outputs(w: Walking, p: Parameters) -> list[Constrained]:
@@ -47,11 +48,11 @@ def outputs(w: Walking, p: Parameters) -> list[Constrained]:
     return [Quantity(names, y_ddot, lambda value: [], lower=w.eta[m:], slope=itself, outputs=y_ddot)]
 
 
-def force_rows(w: Walking, p: Parameters) -> ForceRows:
+def rows_of_force(w: Walking, p: Parameters) -> Callable[[Affine], list[Rows]]:
     """With the margin taken off the friction coefficient."""
     g = w.gains
-    coeff = g["friction_coeff"] - g["friction_margin"]
-    return ForceRows(g["min_normal_force"], coeff, FORCE_RESCUE_WEIGHT, p.cone == "literal")
+    limits = {"least": g["min_normal_force"], "coeff": g["friction_coeff"] - g["friction_margin"]}
+    return partial(force_rows, **limits, weight=FORCE_RESCUE_WEIGHT, is_literal=p.cone == "literal")
 
 
 def res_clf(w: Walking, p: Parameters) -> ResClf:
@@ -73,7 +74,7 @@ def reference_clf(w: Walking, p: Parameters) -> Constraint:
 
 def nominal_force(w: Walking, p: Parameters) -> Constraint:
     """The force rows on what the nominal model says, where no force is estimated."""
-    build, force = force_rows(w, p), contact_force(w.robot.force, w.force, None)
+    build, force = rows_of_force(w, p), contact_force(w.robot.force, w.force, None)
     return lambda terms: build(force.value.after(terms.control))
 
 

@@ -9,9 +9,7 @@ outputs' last acceleration differed from the identified robot's: what no paramet
 """
 
 from abc import abstractmethod
-from dataclasses import dataclass
-from types import SimpleNamespace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 from cbf_clf_qp.estimates import Estimates
@@ -28,8 +26,6 @@ READS = 2 * FRAME
 STONE = 0.35  # m, subtracted from the edges of a stone
 BOUND = 5.0  # of each number of a frame
 NEVER = -2  # no tick
-OWN = ("x", "force", "torque", "tick", "stance", "observation")  # what is read of a scene, and of what is `seen`
-SEEN = ("eta", "phase", "swing", "outputs_a", "outputs_b", "stone", "B1_state", "B2_state")
 
 
 @dataclass
@@ -75,7 +71,7 @@ class ResidualPolicy(Policy):
         """At a tick of one robot; `before`: of all other estimators."""
         return self.of_many(self._memory, of_one(scene), Estimates.of_many([before]))[0]
 
-    def of_many(self, memory: Memory, scene: Any, before: Estimates) -> Estimates:
+    def of_many(self, memory: Memory, scene: Scene, before: Estimates) -> Estimates:
         """The same of N robots."""
         memory.said = self.says(observe(memory, scene, before))
         return centred(memory.said, before.beta.shape[1])
@@ -98,14 +94,14 @@ class ResidualActor(ResidualPolicy):
         return self._actor(reads)
 
 
-def of_one(scene: Scene) -> SimpleNamespace:
-    """A scene of one robot as `observe` reads it."""
-    own = {name: np.asarray(getattr(scene, name))[None] for name in OWN}
-    seen = {name: getattr(scene.seen, name)[None] for name in SEEN if hasattr(scene.seen, name)}
-    return SimpleNamespace(seen=SimpleNamespace(**seen), **own)
+def of_one(scene: Scene) -> Scene:
+    """A scene of one robot as one of N, which `observe` reads."""
+    names = "x", "force", "observation", "tick", "torque", "stance", "step_index", "step_time"
+    rows = {name: np.asarray(getattr(scene, name))[None] for name in names}
+    return replace(scene, seen=type(scene.seen)(scene.seen.row[None]), **rows)
 
 
-def observe(memory: Memory, scene: Any, others: Estimates) -> Array:
+def observe(memory: Memory, scene: Scene, others: Estimates) -> Array:
     """What the network reads at a scene of N robots, (N, READS). The memory goes on to this tick.
 
     `others`: estimates of the model's errors.

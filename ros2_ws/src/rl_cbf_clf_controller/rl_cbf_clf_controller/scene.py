@@ -4,12 +4,12 @@ import math
 from abc import ABC, abstractmethod
 from copy import copy
 from dataclasses import dataclass
-from typing import Self
+from typing import Any, Self
 
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import NumpyFunction, Values
-from rabbit_description.state import DOF, Array, Leg
+from rabbit_description.state import Array, Leg
 
 
 class ControllerError(ValueError):
@@ -25,34 +25,30 @@ class Scene:
     with a stone (15,), there with a gait library (16,), see `Problem.observation`; `tick` counts from the episode's
     start; `torque` (4,), N m, was applied in the last tick, NaN: unknown; `stance` is the leg that stands, since
     `step_time`, s, in step `step_index`. `model_error`: a function of (x, p, the parameters of another model), see
-    `cbf_clf_qp.estimates`.
+    `cbf_clf_qp.estimates`. Of N robots: arrays, and `seen`, have a row for each.
     """
 
     x: Array
     seen: Values
     force: Array
     observation: Array
-    tick: int
+    tick: Any  # int, or (N,), as what follows
     torque: Array
-    stance: Leg
-    step_index: int
-    step_time: float
+    stance: Any  # Leg
+    step_index: Any  # int
+    step_time: Any  # float
     model_error: NumpyFunction
+
+    def __getitem__(self, i: int) -> "Scene":
+        """Of robot `i` of N."""
+        arrays = self.x[i], self.seen[i], self.force[i], self.observation[i], int(self.tick[i]), self.torque[i]
+        of_step = Leg(int(self.stance[i])), int(self.step_index[i]), float(self.step_time[i])
+        return Scene(*arrays, *of_step, self.model_error)
 
     @property
     def p(self) -> Array:
         """The tick's parameters."""
         return self.seen.p
-
-    @property
-    def q_s(self) -> Array:
-        """Coordinates (7,)."""
-        return self.x[:DOF]
-
-    @property
-    def dq_s(self) -> Array:
-        """Their rates (7,)."""
-        return self.x[DOF:]
 
     @property
     def LgV(self) -> Array:

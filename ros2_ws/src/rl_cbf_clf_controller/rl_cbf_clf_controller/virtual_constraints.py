@@ -179,7 +179,11 @@ class Outputs:
 
 
 class VirtualConstraints:
-    """The outputs of a path as numbers. One object, with all that it makes by `along`, serves one thread."""
+    """The outputs of a path as numbers. One object, with all that it makes by `along`, serves one thread.
+
+    `row`: the numbers of the path; `scale` (2,): what turns a phase angle into a phase, `phase_scale` of
+    `OutputExpressions`.
+    """
 
     def __init__(self, path: Path, angles: Angles = RABBIT_ANGLES) -> None:
         self._outputs, self._phase, self._desired = output_functions(angles)
@@ -194,36 +198,26 @@ class VirtualConstraints:
     def with_correction(self, correction: Correction, descent: Array | None = None) -> "VirtualConstraints":
         """The same path with a correction, and with `descent` (m,), rad, beyond its end."""
         other = copy(self)
-        other._row = path_row(self._path, correction, descent)
+        other.row = path_row(self._path, correction, descent)
         return other
 
     def _set(self, path: Path) -> None:
         span = path.phase_angle_end - path.phase_angle_start
-        self._path, self._row = path, path_row(path)
-        self._scale = np.array([1 / span, path.phase_angle_start / span])
-
-    @property
-    def row(self) -> Array:
-        """The numbers of the path."""
-        return self._row
-
-    @property
-    def scale(self) -> Array:
-        """What turns a phase angle into a phase: `phase_scale` of `OutputExpressions`, (2,)."""
-        return self._scale
+        self._path, self.row = path, path_row(path)
+        self.scale = np.array([1 / span, path.phase_angle_start / span])
 
     def desired(self, phase: float) -> tuple[Array, Array, Array]:
         """The controlled angles (m,) at a phase, rad, and two derivatives in the phase."""
-        found = self._desired(np.array([phase]), self._row)
+        found = self._desired(np.array([phase]), self.row)
         return found.desired_0, found.desired_1, found.desired_2
 
     def phase(self, q_s: Array) -> float:
         """Of the step, at `q_s` (n,)."""
-        return float(self._phase(q_s, self._scale).phase[0])
+        return float(self._phase(q_s, self.scale).phase[0])
 
     def evaluate(self, q_s: Array, dq_s: Array) -> Outputs:
         """Outputs at `q_s`, `dq_s` (n,), stance/swing order."""
-        found = self._outputs(q_s, dq_s, self._scale, self._row)
+        found = self._outputs(q_s, dq_s, self.scale, self.row)
         return Outputs(found.eta, found.jacobian, found.bias, float(found.phase[0]), float(found.phase_rate[0]))
 
 

@@ -191,16 +191,8 @@ class PolicyFile:
             partial.write_bytes(self.encode())
 
 
-def decode(data: bytes, problem: Problem | None = None) -> PolicyFile:
-    """Check and read a policy.
-
-    Args:
-        data: content of a file or message.
-        problem: what the running controller needs; None accepts any.
-
-    Raises:
-        PolicyFileError: anything is wrong with it.
-    """
+def decode(data: bytes) -> PolicyFile:
+    """Check and read a policy, the content of a file or message; raises `PolicyFileError`."""
     if len(data) > SIZE_LIMIT:
         raise PolicyFileError(f"policy: {len(data)} bytes; at most {SIZE_LIMIT} are read")
     try:
@@ -209,8 +201,6 @@ def decode(data: bytes, problem: Problem | None = None) -> PolicyFile:
         head = _Head.model_validate_json(header.get(_KEY, "{}"))
     except (SafetensorError, ValidationError, ValueError, KeyError, OverflowError) as error:
         raise PolicyFileError(f"policy: not a policy file: {one_line(error)}") from error
-    if problem is not None and not head.metadata.fits(problem):
-        raise PolicyFileError(f"policy: it was trained for {head.metadata.about}; this controller needs {problem}")
     file = PolicyFile(head.metadata, arrays)
     if head.content_hash != file.content_hash:
         raise PolicyFileError(f"policy: content hash {head.content_hash}; its content has {file.content_hash}")
@@ -221,10 +211,10 @@ def decode(data: bytes, problem: Problem | None = None) -> PolicyFile:
     return file
 
 
-def read(path: Path, problem: Problem | None = None) -> PolicyFile:
+def read(path: Path) -> PolicyFile:
     """Read a policy file; raises `PolicyFileError`, also when there is no such file."""
     try:
-        return decode(read_bytes(path, SIZE_LIMIT), problem)
+        return decode(read_bytes(path, SIZE_LIMIT))
     except FileError as error:
         raise PolicyFileError(f"policy: cannot read {path}: {error}") from error
     except PolicyFileError as error:

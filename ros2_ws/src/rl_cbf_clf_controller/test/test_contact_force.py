@@ -3,13 +3,13 @@
 import casadi as ca
 import pytest
 from cbf_clf_qp.affine import Affine
-from rl_cbf_clf_controller.contact_force import ForceRows
+from rl_cbf_clf_controller.contact_force import force_rows
 
 
 def upper(force, is_literal=False):
     """By how much each row is kept, if the force is (F_N, F_T) whatever mu."""
-    rows = ForceRows(ca.SX(20.0), ca.SX(0.8), ca.SX(1e5), is_literal)
-    (block,) = rows(Affine(ca.SX.zeros(2, 4), ca.SX(ca.DM(force))))
+    given = Affine(ca.SX.zeros(2, 4), ca.SX(ca.DM(force)))
+    (block,) = force_rows(given, ca.SX(20.0), ca.SX(0.8), ca.SX(1e5), is_literal)
     return ca.evalf(block.upper).full().ravel()
 
 

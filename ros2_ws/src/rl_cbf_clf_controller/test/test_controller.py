@@ -5,6 +5,7 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
+import casadi as ca
 import numpy as np
 import pytest
 from cbf_clf_qp.estimates import Estimates
@@ -12,7 +13,7 @@ from rabbit_description import DEFAULT_GAIT
 from rabbit_description.gait import load_gait
 from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, Leg, RobotState, StonePreview
 from rl_cbf_clf_controller.controller import Controller
-from rl_cbf_clf_controller.identification import LATE_TORQUE
+from rl_cbf_clf_controller.identification import lateness
 from rl_cbf_clf_controller.parameters import FORMER, ControllerParameters, ParameterError, load_parameters
 from rl_cbf_clf_controller.policy import Policy, ZeroPolicy
 from rl_cbf_clf_controller.scene import ControllerError
@@ -332,10 +333,7 @@ def test_a_torque_whose_change_costs_much_hardly_changes():
 @pytest.mark.parametrize(("late_torque", "margin"), [(0.37, 0.005), (0.47, 0.01), (0.8, 0.015)])
 def test_a_stone_gets_narrower_as_far_as_torque_is_found_late(late_torque, margin):
     walking = make("rl-cbf-clf-qp", adaptation="identification", objective="pd_centred", late_margin=0.01)
-    found = walking._robot._identification
-    found.value = found.value.copy()
-    found.value[LATE_TORQUE] = late_torque
-    walking._robot._update_row()
+    walking._robot.known.lateness[:] = lateness(ca.DM(late_torque))
     walking.step(state())
     seen = make("rl-cbf-clf-qp", stone_margin=margin)
     seen.step(state())
