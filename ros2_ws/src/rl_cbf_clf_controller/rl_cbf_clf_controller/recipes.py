@@ -50,9 +50,10 @@ def outputs(w: Walking, p: Parameters) -> list[Constrained]:
 
 def rows_of_force(w: Walking, p: Parameters) -> Callable[[Affine], list[Rows]]:
     """With the margin taken off the friction coefficient."""
-    g = w.gains
-    limits = {"least": g["min_normal_force"], "coeff": g["friction_coeff"] - g["friction_margin"]}
-    return partial(force_rows, **limits, weight=FORCE_RESCUE_WEIGHT, is_literal=p.cone == "literal")
+    g, is_literal = w.gains, p.cone == "literal"
+    coeff = g["friction_coeff"] - g["friction_margin"]
+    limits = partial(force_rows, least=g["min_normal_force"], coeff=coeff)
+    return partial(limits, weight=FORCE_RESCUE_WEIGHT, is_literal=is_literal)
 
 
 def res_clf(w: Walking, p: Parameters) -> ResClf:

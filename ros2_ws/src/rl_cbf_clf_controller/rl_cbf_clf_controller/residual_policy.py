@@ -10,6 +10,7 @@ outputs' last acceleration differed from the identified robot's: what no paramet
 
 from abc import abstractmethod
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from cbf_clf_qp.estimates import Estimates
@@ -97,7 +98,7 @@ class ResidualActor(ResidualPolicy):
 def of_one(scene: Scene) -> Scene:
     """A scene of one robot as one of N, which `observe` reads."""
     names = "x", "force", "observation", "tick", "torque", "stance", "step_index", "step_time"
-    rows = {name: np.asarray(getattr(scene, name))[None] for name in names}
+    rows: dict[str, Any] = {name: np.asarray(getattr(scene, name))[None] for name in names}
     return replace(scene, seen=type(scene.seen)(scene.seen.row[None]), **rows)
 
 
