@@ -199,7 +199,7 @@ def make_trainer(training: TrainingParameters, own: NodeParameters) -> Trainer:
         raise ParameterError(f"parameter plant = {own.plant!r}: expected a JSON object")
     if own.policy == ZeroPolicy.version:
         return Trainer(training, Provenance(plant, command="trainer node"))
-    policy = read(policy_path(own.policy), training.problem)
+    policy = read(policy_path(own.policy))
     trainer = Trainer(training, Provenance(plant, command=f"trainer node, from {policy.version}"))
     trainer.start_from(policy)
     return trainer
