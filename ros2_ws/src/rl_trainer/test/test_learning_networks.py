@@ -29,7 +29,7 @@ def test_actor_in_torch_and_in_numpy(problem: Problem, structured: bool, observe
     trainer = Trainer(parameters)
     for weight in trainer.learner.acting.parameters():
         torch.nn.init.normal_(weight, std=0.3)
-    policy = ActorPolicy(decode(trainer.policy_file().encode(), problem))
+    policy = ActorPolicy(decode(trainer.policy_file().encode()))
     rng = np.random.default_rng(0)
     for _ in range(5):
         observation, LgV = 0.3 * rng.standard_normal(len(problem.observation)), 5 * rng.standard_normal(4)

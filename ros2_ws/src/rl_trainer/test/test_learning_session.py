@@ -140,7 +140,7 @@ def test_the_folder_holds_a_policy_an_episode(tmp_path: Path, toy_world: Any, to
     reports = list(resume(Checkpoint(tmp_path, trainer), toy_world, toy_controller))
     files = sorted((tmp_path / "policies").iterdir())
     assert [file.stem for file in files] == ["001", "002", "003", "004"]
-    metadata = read(files[-1], RL_CLF_QP).metadata
+    metadata = read(files[-1]).metadata
     assert (metadata.episodes, metadata.commit, metadata.plant) == (4, "abc", {"mass_scale": 2.0})
     assert metadata.transitions == sum(report.kept for report in reports)
     assert any((tmp_path / "tensorboard").iterdir())
