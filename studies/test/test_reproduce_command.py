@@ -35,9 +35,11 @@ def test_a_tiny_experiment_to_its_files(tmp_path: Path, one_stone: Maker, tiny: 
     at_its_best = 2 + 1  # on the plants that claims are judged on
     assert done == len(experiment.jobs(tiny)) == 2 * (2 + 3) + 1 + at_its_best
     folder = tmp_path / "one-stone"
-    for name in ("walks.md", "walks.csv", "runs.csv", "errors.png", "errors.pdf", "report.json"):
+    for name in ("walks.md", "walks.csv", "runs.csv", "errors.png", "report.json"):
         assert (folder / name).stat().st_size > 0
-    assert (folder / "errors.pdf").read_bytes().startswith(b"%PDF")
+    for width in ("-1-column", "-2-columns"):
+        assert (folder / f"errors{width}.pdf").read_bytes().startswith(b"%PDF")
+        assert "<svg" in (folder / f"errors{width}.svg").read_text()
     with (folder / "runs.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert [(row["plant"], row["motor_lag"]) for row in rows[:4]] == [(c.plant, str(c.lag)) for c in COLUMNS]

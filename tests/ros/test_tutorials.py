@@ -27,7 +27,6 @@ SHORTER = {
     },
     "ros2_ws/src/rabbit_experiments/README.md": {},
     "docs/own_system.md": {"rabbit system train": "--episodes 1", "rabbit system evaluate": "--rides 1"},
-    "ros2_ws/src/rabbit_sim/README.md": {},
     "docs/tutorials/notebook.md": {"python examples/notebook.py": COURSES, "rabbit walk": WALK},
     "docs/tutorials/own_learner.md": {"python": "--episodes 5 --steps 4"},
     "docs/tutorials/own_node.md": {"rabbit walk": WALK},
@@ -53,7 +52,6 @@ def test_every_page_with_blocks_is_run() -> None:
         "ros2_ws/src/rl_cbf_clf_controller/README.md",
         "ros2_ws/src/rabbit_experiments/README.md",
         "docs/own_system.md",
-        "ros2_ws/src/rabbit_sim/README.md",
         "docs/tutorials/notebook.md",
     ],
 )
