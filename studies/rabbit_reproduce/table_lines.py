@@ -68,7 +68,7 @@ class Size:
     plant: PlantName = "pybullet"
 
     def own(self, assembly: Assembly) -> Assembly:
-        """The same assembly, in place of PyBullet on the main plant; it takes the retrained policy if there is one."""
+        """The assembly on this plant where it was on PyBullet, with the retrained policy if there is one."""
         if assembly.simulation.plant == "pybullet" != self.plant:
             changed = {**assembly.simulation.model_dump(), "plant": self.plant}
             assembly = replace(assembly, simulation=SimulationParameters.model_validate(changed))

@@ -20,6 +20,7 @@ FOOT_RADIUS = 0.002  # m, of the URDF's foot sphere: a foot's centre at z = 0 st
 GRAVITY = 9.81  # m/s^2
 FARTHEST_EDGE = 0.9  # m from the stance foot, of any stone
 HIGHEST_TOP = 0.2  # m above or below the first platform, of any stone
+NOT_PUSHED = "push: expected the plant pybullet or mujoco, this one cannot be pushed"
 
 
 def gravity(slope: float) -> tuple[float, float]:
@@ -87,11 +88,11 @@ class Plant:
         Raises:
             ValueError: this plant cannot be pushed.
         """
-        raise ValueError("push: expected the plant pybullet or mujoco, this one cannot be pushed")
+        raise ValueError(NOT_PUSHED)
 
     def push_for_tick(self, forces: Array) -> None:
-        """Likewise in each substep of the next tick, (SUBSTEPS,) N, beside a push under way."""
-        self.push(0.0, TICK_SECONDS)
+        """Likewise in each substep of the next tick, (SUBSTEPS,) N, beside a push under way; raises as `push`."""
+        raise ValueError(NOT_PUSHED)
 
     def observe(self) -> PlantReading:
         """The truth after the last tick."""

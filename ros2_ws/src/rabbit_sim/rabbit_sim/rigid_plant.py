@@ -1,8 +1,8 @@
 """The true plant as the paper models RABBIT: stance foot pinned, inelastic impacts, its own motors, masses, bent links.
 
-There is ground everywhere at z = 0 and no slip: a stone missed is told by where the foot landed. A pinned foot can also
-be pulled at, so a negative normal force is reported, not flight. A swing foot that has been clear lands where its
-height passes zero.
+There is ground everywhere at z = 0, and no slip. Where the foot landed says whether a stone was missed. The ground can
+also pull at a pinned foot, so the plant reports a negative normal force and no flight. A swing foot that has been clear
+lands where its height passes zero.
 """
 
 from collections.abc import Callable

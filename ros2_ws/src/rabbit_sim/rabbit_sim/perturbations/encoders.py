@@ -74,7 +74,7 @@ class EncoderDrift(Perturbation):
 class StuckEncoders(Perturbation):
     """One encoder at a time sticks for a while: its angle stays, and its rate is zero.
 
-    Which one is drawn anew; the time until it sticks is exponentially distributed.
+    Each time the joint is drawn anew. The time until it sticks is exponentially distributed.
     """
 
     order = 145
