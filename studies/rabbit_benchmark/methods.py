@@ -16,6 +16,7 @@ from rabbit_reproduce.controllers import (
     IDENTIFIED,
     INTEGRAL,
     LIBRARY,
+    LOW_TORQUE,
     MARGIN,
     PD,
     PREDICTED,
@@ -83,7 +84,7 @@ def _method(name: str, title: str, policy: str, *tuning: dict[str, str], trained
 def _on_slopes(name: str, title: str, policy: str, *tuning: dict[str, Any], trained_on: str = "") -> Method:
     """One that regulates its speed by gaits for slopes, on both terrains; PD-centred."""
     stones = variant(title, "rl-cbf-clf-qp", policy, SLOPES, PD, *tuning)
-    return Method(name, title, stones, variant(title, "rl-clf-qp", policy, SLOPES, PD, *tuning), trained_on)
+    return Method(name, title, stones, variant(title, "rl-clf-qp", policy, LOW_TORQUE, PD, *tuning), trained_on)
 
 
 def _with(contender: Contender, tuning: dict[str, Any]) -> Contender:
@@ -108,7 +109,7 @@ BUILT_IN = (
     _paper("paper", "the paper's policy"),
     _paper("paper-pd", "the paper's policy, PD-centred", PD),
     Method("best", "best", BEST["stones"], BEST["flat"], FAMILIES),
-    _on_slopes("best-before", "best, without care", "zero", IDENTIFIED, PREDICTED, trained_on=SPEED_MODEL),
+    _on_slopes("best-before", "best, without care", "zero", IDENTIFIED, PREDICTED, SLOPES, trained_on=SPEED_MODEL),
     Method(
         "best-unlearned",
         "best, speed by PI control",

@@ -60,6 +60,7 @@ RL_CBF_CLF_LIGHT = Contender("RL-CBF-CLF-QP trained at 0.7", "rl-cbf-clf-qp", st
 
 LIBRARY = {"gait": "paper_stones"}  # presses on the ground under every payload (gaits.md), and so does this one:
 SLOPES = {"gait": "slopes"}
+LOW_TORQUE = {"gait": "low_torque"}  # for slopes too; on flat ground, where no barrier needs a high foot
 GAIT = {"gait": "stones_0350_084"}
 MARGIN = {"stone_margin": 0.01}
 PD = {"objective": "pd_centred"}

@@ -20,7 +20,6 @@ from rabbit_residual.fleet import KNOWN, Command, Fleet
 from rabbit_residual.ppo import Ppo, PpoParameters
 
 STONE, FAILURE, EFFORT = 1.0, -5.0, -0.004  # rewards: a step taken; an episode's bad end; times |a|^2 of a tick
-CONTROLLERS: dict[Terrain, str] = {"stones": "rl-cbf-clf-qp", "flat": "rl-clf-qp"}
 
 
 class Options(session.Options):
@@ -50,7 +49,7 @@ class ResidualFleet(Fleet):
     failure = FAILURE
 
     def __init__(self, terrain: Terrain, robots: int, act: session.Act, seed: list[int]) -> None:
-        parameters = load_parameters("best", controller=CONTROLLERS[terrain], qp_solver="daqp")
+        parameters = load_parameters("best", terrain, qp_solver="daqp")
         self._policy = Exploring(act)
         super().__init__(terrain, robots, Controller(parameters, load_gaits(parameters.gait), self._policy), seed)
 
