@@ -59,11 +59,11 @@ GP_SOCP = Method(
     variant("GP-SOCP", "rl-clf-qp", shipped("gp-socp-flat"), kind=GpAssembly),
     "GPs at mass scale 2, no motor lag, seed 1: 6,727 transitions on stones, 7,567 on flat ground",
 )
-PLANTS = "in MuJoCo over random plants: storm, masses, development families; seed 1"
+PLANTS = "in MuJoCo over random plants (storm, masses, development families)"
 PD = _joint_targets("pd", "PD on the gait library", "zero", "")
-PPO = _joint_targets("ppo", "PPO, joint targets", shipped("ppo"), f"PPO {PLANTS}: 4.3 million ticks")
-SAC = _joint_targets("sac", "SAC, joint targets", shipped("sac"), f"SAC {PLANTS}: 0.5 million ticks")
-DAGGER = _joint_targets("dagger", "DAgger, joint targets", shipped("dagger"), f"DAgger {PLANTS}: 1.4 million ticks")
+PPO = _joint_targets("ppo", "PPO, joint targets", shipped("ppo"), f"PPO {PLANTS}: 20 million ticks, seed 2")
+SAC = _joint_targets("sac", "SAC, joint targets", shipped("sac"), f"SAC {PLANTS}: 3 million ticks, seed 1")
+DAGGER = _joint_targets("dagger", "DAgger, joint targets", shipped("dagger"), f"DAgger {PLANTS}: 1.4 million ticks, seed 1")
 DDPG_SB3 = _estimates(
     "ddpg-sb3",
     "DDPG of stable-baselines3",
