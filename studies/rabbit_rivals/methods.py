@@ -63,7 +63,9 @@ PLANTS = "in MuJoCo over random plants (storm, masses, development families)"
 PD = _joint_targets("pd", "PD on the gait library", "zero", "")
 PPO = _joint_targets("ppo", "PPO, joint targets", shipped("ppo"), f"PPO {PLANTS}: 20 million ticks, seed 2")
 SAC = _joint_targets("sac", "SAC, joint targets", shipped("sac"), f"SAC {PLANTS}: 3 million ticks, seed 1")
-DAGGER = _joint_targets("dagger", "DAgger, joint targets", shipped("dagger"), f"DAgger {PLANTS}: 1.4 million ticks, seed 1")
+DAGGER = _joint_targets(
+    "dagger", "DAgger, joint targets", shipped("dagger"), f"DAgger {PLANTS}: 1.4 million ticks, seed 1"
+)
 DDPG_SB3 = _estimates(
     "ddpg-sb3",
     "DDPG of stable-baselines3",
