@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 from rabbit_description.yaml_file import read_mapping
 from rabbit_experiments import provenance
 from rabbit_experiments.assembly import Assembly
+from rabbit_experiments.conditions import POLICY
 from rabbit_experiments.evaluation import SeededRun
 from rabbit_experiments.summary import Walks
-from rabbit_experiments.training_setup import POLICY
 from rabbit_viewer import style
 
 from rabbit_reproduce.controllers import AT_ITS_BEST, Contender

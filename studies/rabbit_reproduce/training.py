@@ -20,10 +20,9 @@ from pydantic import BaseModel, ConfigDict
 from rabbit_experiments import provenance
 from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.cache import Cache, Job, JobError
-from rabbit_experiments.conditions import TRAINING_PLANT, TRAINING_SCALE, TRAINING_SLACK_WEIGHT
+from rabbit_experiments.conditions import POLICY, TRAINING_PLANT, TRAINING_SCALE, TRAINING_SLACK_WEIGHT
 from rabbit_experiments.engine import run
 from rabbit_experiments.tables import read_rows, write_rows
-from rabbit_experiments.training_setup import POLICY
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters, load_parameters
 from rl_cbf_clf_controller.problem import Problem

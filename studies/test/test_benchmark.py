@@ -1,6 +1,8 @@
 """The benchmark: its statistics, its cells and storm, methods of someone else, and a run that goes on."""
 
 import csv
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import get_args
@@ -249,3 +251,8 @@ def test_the_nominal_method_at_its_best_is_the_parameter_file_inside() -> None:
         contender = method("nominal-tuned").on(terrain, "inside")
         assert contender is not None
         assert contender.assembly().controller == load_parameters("nominal_tuned", terrain)
+
+
+def test_a_benchmark_needs_no_torch() -> None:
+    code = "import sys, rabbit_benchmark.report, rabbit_benchmark.methods; sys.exit('torch' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False, timeout=60).returncode == 0

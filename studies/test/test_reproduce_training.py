@@ -7,8 +7,9 @@ from typing import Any
 import pytest
 from rabbit_description.gait import load_gaits
 from rabbit_experiments import provenance
+from rabbit_experiments.conditions import POLICY
 from rabbit_experiments.tables import write_rows
-from rabbit_experiments.training_setup import POLICY, training
+from rabbit_experiments.training_setup import training
 from rabbit_reproduce.catalogue import EXPERIMENTS
 from rabbit_reproduce.catalogue.learning_curves import first_whole, sessions, settled, span
 from rabbit_reproduce.commands.reproduce import app

@@ -17,8 +17,6 @@ from rl_trainer.training import EpisodeReport, LearnerType, Provenance, Trainer,
 from rabbit_experiments import provenance
 from rabbit_experiments.assembly import make_simulation
 
-POLICY = "policy.safetensors"  # in the session's folder
-
 
 @contextmanager
 def training(

@@ -46,7 +46,8 @@ def train(given: Given) -> None:
     from rl_trainer.parameters import paper_literal
     from rl_trainer.training import DivergenceError
 
-    from rabbit_experiments.training_setup import POLICY, training
+    from rabbit_experiments.conditions import POLICY
+    from rabbit_experiments.training_setup import training
 
     parameters = given.build(TrainingParameters)
     if request.paper_literal:
