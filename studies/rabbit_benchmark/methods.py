@@ -61,7 +61,10 @@ class Method:
 
 PAPER_POLICY = "DDPG at mass scale 2, no motor lag, seed 1: 6,572 transitions on stones, 7,981 on flat ground"
 SPEED_MODEL = "its model of the speed: walks of random plants with random changes of the slope (rabbit speed)"
-FAMILIES = f"{SPEED_MODEL}; what it does about slow motors and loose stones, and eps: development families"
+FAMILIES = (
+    f"{SPEED_MODEL}; what it does about slow motors and loose stones, eps: development families;"
+    " when it gives way, its gait on flat ground: development seeds of all families"
+)
 ORACLE = "knows the true plant: the bound, not a method"
 PI_ON_SLOPES = {**SLOPES, **INTEGRAL}
 PI_OF_LOW_TORQUE = {**LOW_TORQUE, **INTEGRAL}

@@ -20,11 +20,12 @@ from pydantic import BaseModel, ConfigDict, Field
 from rabbit_benchmark.cells import Terrain
 from rabbit_description.atomic_file import replacing
 from rabbit_description.state import Array
+from rabbit_experiments.conditions import POLICY
 
 from rabbit_residual.fleet import Fleet, Rollout
 
 MMAP_THRESHOLD = -3  # of malloc.h
-SESSION, POLICY, KEPT = "session.pt", "policy.safetensors", 300.0  # s
+SESSION, KEPT = "session.pt", 300.0  # s
 COLUMNS = ("ticks", "hours", "stones_walked", "flat_walked", "episodes", "reward")
 STEPS = ("stones", "flat_steps")  # of an episode
 

@@ -52,7 +52,8 @@ class Player {
     Object.assign(this, {afterEnd: 0, tickOfWalk: 0, isResetDue: false, hasChanged: true});
     this.on.word({
       type: "about", mode: "play", title: `course ${this.settings.seed}`, stones: this.parts.numbers.plant.stones,
-      tick_seconds: this.parts.numbers.plant.tick_seconds, walkers: this.robots.map((robot) => robot.about), controls: this.controls, options: "", pushes: true,
+      tick_seconds: this.parts.numbers.plant.tick_seconds, walkers: this.robots.map((robot) => robot.about),
+      controls: this.controls, options: "", pushes: true,
     });
     this.sayTruth();
   }

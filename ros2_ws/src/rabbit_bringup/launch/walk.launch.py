@@ -1,8 +1,8 @@
 """`ros2 launch rabbit_bringup walk.launch.py seed:=3 mass_scale:=1.5`: `rabbit walk` under `ros2 launch`.
 
-Its arguments are the options of `rabbit walk`. That command waits until all nodes are ready and lets them walk. It says
-how each episode ended, ends the nodes and writes the summary. What you launch beside it lives on after the walk. If the
-walk fails, the launch ends with exit code 1. graph.launch.py has the nodes themselves.
+Its arguments are the options of `rabbit walk`. That command waits until all nodes are ready and lets them walk. Then it
+reports how each episode ended, stops the nodes and writes the summary. Nodes that you launch beside it keep running. If
+the walk fails, the launch ends with exit code 1. graph.launch.py has the nodes themselves.
 """
 
 from launch import LaunchContext, LaunchDescription, LaunchDescriptionEntity

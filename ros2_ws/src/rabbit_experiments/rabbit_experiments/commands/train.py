@@ -12,7 +12,7 @@ from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_trainer.parameters import TrainingParameters
 
-from rabbit_experiments.conditions import TRAINING_PLANT, TRAINING_SLACK_WEIGHT, TuningOptions
+from rabbit_experiments.conditions import POLICY, TRAINING_PLANT, TRAINING_SLACK_WEIGHT, TuningOptions
 
 DEFAULTS = Defaults(always={"slack_weight": TRAINING_SLACK_WEIGHT, **TRAINING_PLANT})
 
@@ -46,7 +46,6 @@ def train(given: Given) -> None:
     from rl_trainer.parameters import paper_literal
     from rl_trainer.training import DivergenceError
 
-    from rabbit_experiments.conditions import POLICY
     from rabbit_experiments.training_setup import training
 
     parameters = given.build(TrainingParameters)

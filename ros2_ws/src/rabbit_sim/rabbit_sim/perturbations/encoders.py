@@ -74,7 +74,7 @@ class EncoderDrift(Perturbation):
 class StuckEncoders(Perturbation):
     """One encoder at a time sticks for a while: its angle stays, and its rate is zero.
 
-    Each time the joint is drawn anew. The time until it sticks is exponentially distributed.
+    Its joint is drawn at random each time. The time between two such faults is exponentially distributed.
     """
 
     order = 145
