@@ -1,7 +1,7 @@
 """`ros2 launch rabbit_bringup walk.launch.py seed:=3 mass_scale:=1.5`: `rabbit walk` under `ros2 launch`.
 
 Its arguments are the options of `rabbit walk`. That command waits until all nodes are ready and lets them walk. Then it
-reports how each episode ended, stops the nodes and writes the summary. Nodes that you launch beside it keep running. If
+reports how each episode ended, stops its nodes and writes the summary. It does not stop other nodes of your launch. If
 the walk fails, the launch ends with exit code 1. graph.launch.py has the nodes themselves.
 """
 
