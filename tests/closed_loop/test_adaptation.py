@@ -69,6 +69,16 @@ def test_bent_links_are_walked_and_found(make_assembly: MakeAssembly) -> None:
     assert records[-1].output.identified[KNOWN.index("hip_offset")] == pytest.approx(0.05, abs=0.005)
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_noisy_rates_do_not_make_the_legs_light(seed: int) -> None:
+    """Noise in the regressors pulls what is found towards none, and does not average out."""
+    plant = SimulationParameters(payload=40.0, velocity_noise=0.2, motor_lag=0.004, stones=8)
+    parts = Assembly(plant, load_parameters("best", qp_solver="daqp"), "zero")
+    assert walk(parts, 0, seed=seed).row.success
+    (records,) = ticks(parts, seed)
+    assert records[-1].output.identified[[4, 8]] == pytest.approx([6.8, 3.2], rel=0.2)
+
+
 def test_an_exact_model_is_left_nearly_alone(make_assembly: MakeAssembly) -> None:
     """The rigid plant without lag is the model: what is learned is the error of means over a tick."""
     parts = make_assembly("cbf-clf-qp", plant="rigid", motor_lag=0.0, stones=5)

@@ -11,7 +11,7 @@ from rabbit_recording.commands.bag import app
 from rabbit_recording.explaining import ExplainedTick, explain_tick, rounding_of
 from rabbit_recording.reader import RecordedEpisode, RecordedSwap
 from recorded_walk import DRAWS, Walk
-from test_former_recordings import former
+from test_former_recordings import LEARNS, former
 from typer.testing import CliRunner, Result
 
 WriteBag = Callable[..., Path]
@@ -138,9 +138,14 @@ def test_only_a_former_learned_policys_torques_may_be_off_by_single_precision(
     assert rounding_of(path, RecordedEpisode(1, swaps=[RecordedSwap(0, "version", policy)])) == bound
 
 
-@pytest.mark.parametrize("name", ["former_best", "former_trained"])
-def test_former_recordings_are_explained_too(name: str, tmp_path: Path) -> None:
-    told = explain_tick(former(name, tmp_path), 20)
+@pytest.mark.parametrize(("name", "tick"), [("former_best", LEARNS - 1), ("former_trained", 20)])
+def test_former_recordings_are_explained_too(name: str, tick: int, tmp_path: Path) -> None:
+    told = explain_tick(former(name, tmp_path), tick)
     assert len(told.explanation.rows) == 10
     output = told.record.output
     assert told.explanation.rows[0].estimated == pytest.approx(output.alpha[0] @ output.mu_qp + output.beta[0])
+
+
+def test_a_tick_that_another_version_decided_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match=f"its replay is off by .* N m in tick {LEARNS}"):
+        explain_tick(former("former_best", tmp_path), LEARNS)

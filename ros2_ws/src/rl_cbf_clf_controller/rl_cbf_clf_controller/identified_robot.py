@@ -11,10 +11,10 @@ So it leaves out the tick of a touchdown, flight, a swing foot on the ground, a 
 that bounces lands twice.) It forgets nothing when the legs swap: the robot is the same from either leg. An episode
 begins with nothing known, and with some ticks in which only the noise of the rates is found.
 
-That noise is found from the pitch rate. Of three rates a tick apart, each with an error of variance sigma^2, the second
-difference has the variance 6 sigma^2; of the torso's motion itself hardly anything is left in it: its second
-differences say 0.015 rad/s of a walk without noise. Those of the joints' rates would not do. In the first ticks of a
-walk they say 0.2 rad/s.
+That noise is found from the torso's pitch. The mean of the rates at a tick's ends, each with an error of variance
+sigma^2, less the pitch's change over the tick, has the variance sigma^2 / 2: its size is sigma / sqrt(pi) in the mean.
+Of the motion itself hardly anything is left in it, for the angle says what the rate was. A second difference of rates
+would not do: torques that chatter look like noise in it. What is larger than PUSHED is a push.
 
 No masses explain a motor that saturates unseen. As far as the innovations say so, the robot found gives way to the one
 that the base's rows say or to the nominal one (`identification.py`).
@@ -29,7 +29,7 @@ from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import NumpyFunction, packed
 from cbf_clf_qp.qp import is_finite
 from rabbit_description.planar_urdf import SLIDES
-from rabbit_description.state import DOF, JOINTS, Array, no_torque
+from rabbit_description.state import DOF, JOINTS, TICK_SECONDS, Array, no_torque
 
 from rl_cbf_clf_controller.batch_functions import BatchFunction
 from rl_cbf_clf_controller.identification import (
@@ -52,10 +52,10 @@ from rl_cbf_clf_controller.state_prediction import prediction_function
 
 KNOWN = (*IDENTIFIED, "hip_offset", "knee_offset", "doubt")  # offsets in rad
 SETTLING = 2  # ticks on the ground before what is measured counts
-PITCH_RATE = DOF + SLIDES  # its place in the state
+PITCH = SLIDES  # its place in the state; its rate is DOF further
 CONTACT_FORCE = 1.0  # N; a foot that carries less is in the air
-PER_VARIANCE = 6.0  # of a second difference
-CORRELATED = 6.0  # ticks over which the identification's low-passed errors are the same
+PUSHED = 0.3  # rad/s
+NOISE_WEIGHT = 60.0  # of the rates' measured variance: noise in the regressors does not average out
 FIRST_DIFFERENCES = 3  # before which nothing is known
 
 
@@ -124,9 +124,9 @@ class IdentifiedRobots:
         """
         end, self._measured = x if self._measured is None else self._measured, None
         known = self.known
-        second = known.rate[:, 0] - 2 * known.x[:, PITCH_RATE] + end[:, PITCH_RATE]
-        square = np.array([[each**2] for each in second.tolist()])  # in Python: arrays and CasADi may round otherwise
-        self.known = known = self._after(known.row, tick[:, None], end, force, torque, square, *self._lengths)
+        turned, rates = end[:, PITCH] - known.x[:, PITCH], (end + known.x)[:, DOF + PITCH]
+        error = np.abs(rates / 2 - turned / TICK_SECONDS)[:, None]
+        self.known = known = self._after(known.row, tick[:, None], end, force, torque, error, *self._lengths)
         other, numbers = p.copy(), known.numbers
         other[:, : numbers.shape[1]] = numbers
         found = self._model_error(x, p, other)
@@ -136,24 +136,24 @@ class IdentifiedRobots:
 def first_known(nominal: RobotNumbers) -> dict[str, Array]:
     """What is known of a robot as an episode begins: of `identification.unknown`, of `joint_calibration.UNKNOWN`, more.
 
-    `used` (15,) and `numbers`, its row: the robot that is used, with its `lateness` and its `disbelief`; `squares` and
-    number of the `differences` of the pitch rate, and this `rate` a tick before the last one; for how many ticks the
-    stance foot alone is `standing`; `tick`, `torque` and `x` of the last tick.
+    `used` (15,) and `numbers`, its row: the robot that is used, with its `lateness` and its `disbelief`; `errors` and
+    number of the `differences` between mean rate and pitch; for how many ticks the stance foot alone is `standing`;
+    `tick`, `torque` and `x` of the last tick.
     """
     known, nothing = unknown(nominal), np.zeros(1)
     used = {"used": known["value"], "numbers": nominal.row, "lateness": nothing, "disbelief": nothing}
-    noise = dict.fromkeys(("squares", "differences", "rate", "standing"), nothing)
+    noise = dict.fromkeys(("errors", "differences", "standing"), nothing)
     last = {"tick": np.full(1, -2), "torque": no_torque(), "x": np.zeros(2 * DOF)}
     return {**known, **UNKNOWN, **used, **noise, **last}
 
 
 def after_tick(nominal: RobotNumbers, gives_way: bool) -> NumpyFunction:
     """What is known after a tick, by the names of `first_known`, of (what was known; number, state, force and torque as
-    it ends; square of the pitch rate's second difference; joints, feet)."""
+    it ends; size of the mean pitch rate less the pitch's change; joints, feet)."""
     first = first_known(nominal)
     shapes = {name: value.shape if value.ndim == 2 else (value.size, 1) for name, value in first.items()}
     known = {name: ca.SX.sym(name, *shape) for name, shape in shapes.items()}
-    sizes = {"tick": (1, 1), "x": (2 * DOF, 1), "force": (2, 2), "torque": (JOINTS, 1), "square": (1, 1)}
+    sizes = {"tick": (1, 1), "x": (2 * DOF, 1), "force": (2, 2), "torque": (JOINTS, 1), "error": (1, 1)}
     now = {name: ca.SX.sym(name, *shape) for name, shape in sizes.items()}
     lengths = {"joints": ca.SX.sym("joints", JOINTS, 2), "feet": ca.SX.sym("feet", 2, 2)}
     stance, swing = now["force"][0, 1], now["force"][1, 1]
@@ -161,14 +161,13 @@ def after_tick(nominal: RobotNumbers, gives_way: bool) -> NumpyFunction:
     pinned = ca.logic_and(follows, ca.logic_and(swing < CONTACT_FORCE, stance >= CONTACT_FORCE))
     standing = pinned * (known["standing"] + 1)
     learns = standing > SETTLING
-    goes_on = standing > SETTLING + 1
-    squares = known["squares"] + ca.if_else(goes_on, now["square"], 0)
-    differences = known["differences"] + goes_on
-    found = {**calibrated(known, now["x"], **lengths), "rate": known["x"][PITCH_RATE]}
+    errors = known["errors"] + ca.if_else(learns, ca.fmin(now["error"], PUSHED), 0)
+    differences = known["differences"] + learns
+    found = calibrated(known, now["x"], **lengths)
     found = {name: ca.if_else(learns, value, known[name]) for name, value in found.items()}
-    found |= {"squares": squares, "differences": differences, "standing": standing}
+    found |= {"errors": errors, "differences": differences, "standing": standing}
     tick = {"start": known["x"], "end": now["x"], "before": known["torque"], "now": now["torque"], **lengths}
-    tick |= {"force": now["force"], "rate_variance": rate_variance(squares, differences)}
+    tick |= {"force": now["force"], "rate_variance": rate_variance(errors, differences)}
     later = learned(nominal, known, tick)
     value, base, doubts = later["value"], later["base"], later["doubts"]
     used, disbelief = in_use(value, base, first["value"], doubts) if gives_way else (value, ca.SX(0))
@@ -181,12 +180,13 @@ def after_tick(nominal: RobotNumbers, gives_way: bool) -> NumpyFunction:
     return NumpyFunction.of("after_tick", inputs, outputs)
 
 
-def rate_variance(squares: ca.SX, differences: ca.SX) -> ca.SX:
+def rate_variance(errors: ca.SX, differences: ca.SX) -> ca.SX:
     """Of the rates' errors, (m/s)^2 and (rad/s)^2, as the identification takes it.
 
-    That without noise, of what a tick's mean leaves out, is in it.
+    That without noise, of what a tick's mean leaves out, is in it. What is measured counts many times: the regressors
+    have the same noise, and so it pulls the masses towards none, however long the walk.
     """
-    return RATE_NOISE**2 + CORRELATED * squares / (PER_VARIANCE * differences)
+    return RATE_NOISE**2 + NOISE_WEIGHT * np.pi * (errors / differences) ** 2
 
 
 def with_links(nominal: RobotNumbers, used: ca.SX) -> ca.SX:

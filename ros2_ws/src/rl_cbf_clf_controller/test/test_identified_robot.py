@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from cbf_clf_qp.estimates import Estimates
 from rabbit_description.gait import load_gait
-from rabbit_description.state import RobotState, StonePreview
+from rabbit_description.state import DOF, TICK_SECONDS, RobotState, StonePreview
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.identification import RATE_NOISE, SIZE, is_physical
 from rl_cbf_clf_controller.identified_robot import (
-    CORRELATED,
     FIRST_DIFFERENCES,
     KNOWN,
-    PITCH_RATE,
+    NOISE_WEIGHT,
+    PITCH,
     SETTLING,
     IdentifiedRobots,
     rate_variance,
@@ -95,36 +95,53 @@ def test_at_first_the_robot_is_the_nominal_one(state):
     np.testing.assert_array_equal(adaptation.shown, first)
 
 
-def fed(adaptation: IdentifiedRobots, scene: Scene, rates: np.ndarray, *, pause_every: int = 10**9) -> float:
-    """The variance of the rates' errors that is found from these pitch rates, rad/s, with a flight now and then."""
-    for tick, rate in enumerate(rates):
+def fed(adaptation: IdentifiedRobots, scene: Scene, pitch: np.ndarray, rates: np.ndarray, **pause: int) -> float:
+    """The variance of the rates' errors that is found from pitches, rad, and their rates, rad/s, with a flight every
+    so many ticks."""
+    for tick, (angle, rate) in enumerate(zip(pitch, rates, strict=True)):
         x = scene.x.copy()
-        x[PITCH_RATE] = rate
-        force = STANDING if tick % pause_every else np.zeros((2, 2))
+        x[PITCH], x[DOF + PITCH] = angle, rate
+        force = STANDING if tick % pause.get("every", 10**9) else np.zeros((2, 2))
         learns(adaptation, replace(scene, x=x), tick, force=force)
-    return rate_variance(adaptation.known.squares.item(), adaptation.known.differences.item())
+    return rate_variance(adaptation.known.errors.item(), adaptation.known.differences.item())
+
+
+def sigma_of(variance: float) -> float:
+    """The standard deviation, rad/s, of the rates' errors, from what `rate_variance` says."""
+    return float(np.sqrt(max(variance - RATE_NOISE**2, 0) / NOISE_WEIGHT))
 
 
 @pytest.mark.parametrize("sigma", [0.0, 0.1, 0.2])
 def test_white_noise_on_a_swing_of_the_torso_is_found(state, sigma):
-    time = 0.01 * np.arange(4000)
-    rates = 1.5 * np.sin(2 * np.pi * 2.0 * time) + sigma * np.random.default_rng(0).standard_normal(len(time))
+    phase = 2 * np.pi * 2.0 * 0.01 * np.arange(4000)
+    pitch, rates = -1.5 / (4 * np.pi) * np.cos(phase), 1.5 * np.sin(phase)
+    rates += sigma * np.random.default_rng(0).standard_normal(len(rates))
     here, adaptation = adapting(state)
-    for pause_every in (10**9, 20):
+    for every in (10**9, 20):
         adaptation.reset()
-        variance = fed(adaptation, here, rates, pause_every=pause_every)
-        found = np.sqrt((variance - RATE_NOISE**2) / CORRELATED)
-        assert found == pytest.approx(sigma, abs=0.012), "of the swing itself 0.01 rad/s is left"
+        assert sigma_of(fed(adaptation, here, pitch, rates, every=every)) == pytest.approx(sigma, abs=0.012)
 
 
-def test_it_waits_for_its_first_differences_and_a_pause_is_no_noise(state):
-    """Even acceleration is no noise either."""
+def test_torques_that_chatter_are_no_noise(state):
+    """The rate jumps to and fro by 0.3 rad/s from tick to tick, evenly, and the pitch with it."""
+    rates = 0.15 * (-1.0) ** np.arange(200)
+    pitch = TICK_SECONDS * np.concatenate([[0.0], np.cumsum((rates[1:] + rates[:-1]) / 2)])
+    assert sigma_of(fed(*reversed(adapting(state)), pitch, rates)) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_push_is_no_noise(state):
+    """It changes the rate by 3 rad/s at once, in one tick of fifty."""
+    rates = np.repeat([0.0, 3.0], 25)
+    pitch = TICK_SECONDS * np.cumsum(rates)
+    assert sigma_of(fed(*reversed(adapting(state)), pitch, rates)) < 0.02
+
+
+def test_it_waits_for_its_first_differences(state):
+    """A step that is too short teaches nothing."""
     here, adaptation = adapting(state)
-    rates = [start + at for start in (0.0, 5.0, -5.0) for at in range(SETTLING + 4)]
-    assert fed(adaptation, here, np.array(rates), pause_every=SETTLING + 4) == pytest.approx(RATE_NOISE**2)
-    for ticks, knows in ((SETTLING + 1 + FIRST_DIFFERENCES, False), (SETTLING + 2 + FIRST_DIFFERENCES, True)):
+    for ticks, knows in ((SETTLING + FIRST_DIFFERENCES, False), (SETTLING + 1 + FIRST_DIFFERENCES, True)):
         adaptation.reset()
-        fed(adaptation, here, np.arange(float(ticks)))
+        fed(adaptation, here, np.zeros(ticks), np.zeros(ticks))
         assert (adaptation.known.share != 1) == knows
 
 
