@@ -13,8 +13,8 @@ the measured force on both feet. All is linear in x = (theta, d, kappa, lag), wh
 
 A difference of noisy rates is noisier still, and as it is part of the regressors too, it would pull the answer
 towards none. So both sides go through the same low-pass (FILTER_TIME) first, which leaves the equation true. Of M q''
-the noise is M times that of q'', which is in R with many times the rates' variance, because no average takes away what
-the regressors have of it; the other entries of R are for what the means over a tick leave out.
+the noise is M times that of q''. R has it with many times the rates' variance, because the regressors are noisy too,
+and no average mends that. The other entries of R are for what the means over a tick leave out.
 
 What such a robot does not explain is seen in the innovations. Their normalised square is below 0.1 in the mean for any
 masses, and about 1 for motors that saturate unseen or joints whose friction remembers. A doubt (0 to 1) follows it,

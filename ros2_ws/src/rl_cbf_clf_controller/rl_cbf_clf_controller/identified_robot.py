@@ -13,8 +13,8 @@ begins with nothing known, and with some ticks in which only the noise of the ra
 
 That noise is found from the torso's pitch. The mean of the rates at a tick's ends, each with an error of variance
 sigma^2, less the pitch's change over the tick, has the variance sigma^2 / 2: its size is sigma / sqrt(pi) in the mean.
-Of the motion itself hardly anything is left in it, for the angle says what the rate was. A second difference of rates
-would not do: torques that chatter look like noise in it. What is larger than PUSHED is a push.
+Hardly anything of the motion itself is left in it, for the angle says what the rate was. A second difference of rates
+would not do: torques that chatter look like noise in it. An error above PUSHED is a push.
 
 No masses explain a motor that saturates unseen. As far as the innovations say so, the robot found gives way to the one
 that the base's rows say or to the nominal one (`identification.py`).
@@ -54,7 +54,7 @@ KNOWN = (*IDENTIFIED, "hip_offset", "knee_offset", "doubt")  # offsets in rad
 SETTLING = 2  # ticks on the ground before what is measured counts
 PITCH = SLIDES  # its place in the state; its rate is DOF further
 CONTACT_FORCE = 1.0  # N; a foot that carries less is in the air
-PUSHED = 0.3  # rad/s
+PUSHED = 0.3  # rad/s, at which an error is cut: a push
 NOISE_WEIGHT = 60.0  # of the rates' measured variance: noise in the regressors does not average out
 FIRST_DIFFERENCES = 3  # before which nothing is known
 
@@ -124,9 +124,7 @@ class IdentifiedRobots:
         """
         end, self._measured = x if self._measured is None else self._measured, None
         known = self.known
-        turned, rates = end[:, PITCH] - known.x[:, PITCH], (end + known.x)[:, DOF + PITCH]
-        error = np.abs(rates / 2 - turned / TICK_SECONDS)[:, None]
-        self.known = known = self._after(known.row, tick[:, None], end, force, torque, error, *self._lengths)
+        self.known = known = self._after(known.row, tick[:, None], end, force, torque, *self._lengths)
         other, numbers = p.copy(), known.numbers
         other[:, : numbers.shape[1]] = numbers
         found = self._model_error(x, p, other)
@@ -149,11 +147,11 @@ def first_known(nominal: RobotNumbers) -> dict[str, Array]:
 
 def after_tick(nominal: RobotNumbers, gives_way: bool) -> NumpyFunction:
     """What is known after a tick, by the names of `first_known`, of (what was known; number, state, force and torque as
-    it ends; size of the mean pitch rate less the pitch's change; joints, feet)."""
+    it ends; joints, feet)."""
     first = first_known(nominal)
     shapes = {name: value.shape if value.ndim == 2 else (value.size, 1) for name, value in first.items()}
     known = {name: ca.SX.sym(name, *shape) for name, shape in shapes.items()}
-    sizes = {"tick": (1, 1), "x": (2 * DOF, 1), "force": (2, 2), "torque": (JOINTS, 1), "error": (1, 1)}
+    sizes = {"tick": (1, 1), "x": (2 * DOF, 1), "force": (2, 2), "torque": (JOINTS, 1)}
     now = {name: ca.SX.sym(name, *shape) for name, shape in sizes.items()}
     lengths = {"joints": ca.SX.sym("joints", JOINTS, 2), "feet": ca.SX.sym("feet", 2, 2)}
     stance, swing = now["force"][0, 1], now["force"][1, 1]
@@ -161,7 +159,9 @@ def after_tick(nominal: RobotNumbers, gives_way: bool) -> NumpyFunction:
     pinned = ca.logic_and(follows, ca.logic_and(swing < CONTACT_FORCE, stance >= CONTACT_FORCE))
     standing = pinned * (known["standing"] + 1)
     learns = standing > SETTLING
-    errors = known["errors"] + ca.if_else(learns, ca.fmin(now["error"], PUSHED), 0)
+    turned, rates = now["x"][PITCH] - known["x"][PITCH], now["x"][DOF + PITCH] + known["x"][DOF + PITCH]
+    error = ca.fabs(rates / 2 - turned / TICK_SECONDS)
+    errors = known["errors"] + ca.if_else(learns, ca.fmin(error, PUSHED), 0)
     differences = known["differences"] + learns
     found = calibrated(known, now["x"], **lengths)
     found = {name: ca.if_else(learns, value, known[name]) for name, value in found.items()}
@@ -183,8 +183,8 @@ def after_tick(nominal: RobotNumbers, gives_way: bool) -> NumpyFunction:
 def rate_variance(errors: ca.SX, differences: ca.SX) -> ca.SX:
     """Of the rates' errors, (m/s)^2 and (rad/s)^2, as the identification takes it.
 
-    That without noise, of what a tick's mean leaves out, is in it. What is measured counts many times: the regressors
-    have the same noise, and so it pulls the masses towards none, however long the walk.
+    That without noise, of what a tick's mean leaves out, is in it. What is measured counts many times, because the
+    regressors have the same noise: it pulls the masses towards none, however long the walk.
     """
     return RATE_NOISE**2 + NOISE_WEIGHT * np.pi * (errors / differences) ** 2
 

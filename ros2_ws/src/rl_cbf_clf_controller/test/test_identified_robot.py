@@ -95,13 +95,14 @@ def test_at_first_the_robot_is_the_nominal_one(state):
     np.testing.assert_array_equal(adaptation.shown, first)
 
 
-def fed(adaptation: IdentifiedRobots, scene: Scene, pitch: np.ndarray, rates: np.ndarray, **pause: int) -> float:
-    """The variance of the rates' errors that is found from pitches, rad, and their rates, rad/s, with a flight every
-    so many ticks."""
+def fed(
+    adaptation: IdentifiedRobots, scene: Scene, pitch: np.ndarray, rates: np.ndarray, pause_every: int = 10**9
+) -> float:
+    """The variance of the rates' errors found from pitches, rad, and rates, rad/s, with a flight now and then."""
     for tick, (angle, rate) in enumerate(zip(pitch, rates, strict=True)):
         x = scene.x.copy()
         x[PITCH], x[DOF + PITCH] = angle, rate
-        force = STANDING if tick % pause.get("every", 10**9) else np.zeros((2, 2))
+        force = STANDING if tick % pause_every else np.zeros((2, 2))
         learns(adaptation, replace(scene, x=x), tick, force=force)
     return rate_variance(adaptation.known.errors.item(), adaptation.known.differences.item())
 
@@ -117,9 +118,9 @@ def test_white_noise_on_a_swing_of_the_torso_is_found(state, sigma):
     pitch, rates = -1.5 / (4 * np.pi) * np.cos(phase), 1.5 * np.sin(phase)
     rates += sigma * np.random.default_rng(0).standard_normal(len(rates))
     here, adaptation = adapting(state)
-    for every in (10**9, 20):
+    for pause_every in (10**9, 20):
         adaptation.reset()
-        assert sigma_of(fed(adaptation, here, pitch, rates, every=every)) == pytest.approx(sigma, abs=0.012)
+        assert sigma_of(fed(adaptation, here, pitch, rates, pause_every)) == pytest.approx(sigma, abs=0.012)
 
 
 def test_torques_that_chatter_are_no_noise(state):
