@@ -1,1 +1,1 @@
-"""Training of the policy within the step: PPO over random plants, in the batch."""
+"""Training of the policy within the step: PPO or SAC over random plants, in the batch."""

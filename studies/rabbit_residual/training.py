@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from rabbit_benchmark.cells import Terrain
 from rabbit_description.gait import load_gaits
@@ -18,14 +19,22 @@ from rl_cbf_clf_controller.weights import PROBE, RESIDUAL_READS, PolicyFile, Pol
 from rabbit_residual import session
 from rabbit_residual.fleet import KNOWN, Command, Fleet
 from rabbit_residual.ppo import Ppo, PpoParameters
+from rabbit_residual.sac import Sac, SacParameters
 
 STONE, FAILURE, EFFORT = 1.0, -5.0, -0.004  # rewards: a step taken; an episode's bad end; times |a|^2 of a tick
+LEARNERS = {"ppo": PpoParameters(), "sac": SacParameters()}
+ROLLOUT = {"ppo": 96, "sac": 32}  # ticks of each robot
 
 
 class Options(session.Options):
     """A session."""
 
-    ppo: PpoParameters = PpoParameters()
+    learner: PpoParameters | SacParameters
+
+
+def options(name: str, **given: Any) -> Options:
+    """Of a session of `ppo` or `sac`."""
+    return Options.model_validate({"learner": LEARNERS[name], "rollout": ROLLOUT[name], **given})
 
 
 class Exploring(ResidualPolicy):
@@ -66,7 +75,9 @@ class ResidualFleet(Fleet):
 
 def train(options: Options, out: Path, tell: Callable[[str], None] = print) -> Path:
     """Train, or go on; returns the policy's file. Raises `SessionError`."""
-    learner = Ppo(READS, KNOWN, JOINTS, options.ppo, options.seed)
+    p, sizes = options.learner, (READS, KNOWN, JOINTS)
+    learner: Ppo | Sac = Sac(*sizes, p, options.seed) if isinstance(p, SacParameters) else Ppo(*sizes, p, options.seed)
+    name = type(learner).__name__.lower()
 
     def write(path: Path, done: session.Done) -> None:
         arrays = learner.arrays()
@@ -75,19 +86,20 @@ def train(options: Options, out: Path, tell: Callable[[str], None] = print) -> P
             observation=RESIDUAL_READS,
             observation_center=(0.0,) * READS,
             observation_scale=(1.0,) * READS,
-            hidden=(options.ppo.hidden, options.ppo.hidden),
+            hidden=(p.hidden, p.hidden),
             structured=False,
             alpha_scale=(),
             beta_scale=(),
             residual=True,
             adaptation="identification",
-            learner="ppo",
+            learner=name,
             plant={"plant": "mujoco"},
             training_seed=options.seed,
             episodes=done["episodes"],
             transitions=done["ticks"],
             commit=commit(),
-            command=f"rabbit residual --ticks {done['ticks']} --seed {options.seed} --out DIR",
+            command=f"rabbit residual --learner {name} --ticks {done['ticks']} --seed {options.seed} "
+            f"--robots {options.robots} --flat {options.flat:g} --out DIR",
         )
         PolicyFile(metadata, {**arrays, PROBE: probe_outputs(arrays)}).write(path)
 

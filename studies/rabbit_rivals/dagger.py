@@ -13,9 +13,8 @@ from pydantic import BaseModel, ConfigDict, Field
 from rabbit_description.state import Array
 from rabbit_residual.fleet import Rollout
 from rabbit_residual.ppo import actor_arrays, network
+from rabbit_residual.sac import Replay
 from torch import nn
-
-from rabbit_rivals.sac import Replay
 
 
 class DaggerParameters(BaseModel):

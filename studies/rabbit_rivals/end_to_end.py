@@ -19,6 +19,7 @@ from rabbit_description.state import SWAP_TORQUE, TORQUE_LIMIT, Array
 from rabbit_residual import session
 from rabbit_residual.fleet import KNOWN, Command, Fleet
 from rabbit_residual.ppo import Ppo, PpoParameters
+from rabbit_residual.sac import Sac, SacParameters
 from rabbit_sim.simulation import Simulation
 from rl_cbf_clf_controller.batch_controller import BatchController, BatchScene
 from rl_cbf_clf_controller.controller import Controller
@@ -36,7 +37,6 @@ from rabbit_rivals.joint_targets import (
 )
 from rabbit_rivals.methods import PD
 from rabbit_rivals.model_file import ModelFile
-from rabbit_rivals.sac import Sac, SacParameters
 
 ON_TARGET, PER_TICK = 0.1, 0.02  # rad, of y; reward of a tick without error
 EFFORT, CHANGE = 0.004, 0.004  # of torques at their limit; of an action changed by one

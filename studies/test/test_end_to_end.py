@@ -7,12 +7,12 @@ import pytest
 import torch
 from rabbit_residual.fleet import Rollout
 from rabbit_residual.ppo import PpoParameters
+from rabbit_residual.sac import Replay, Sac, SacParameters
 from rabbit_residual.session import SessionError
 from rabbit_rivals.dagger import Dagger, DaggerParameters
 from rabbit_rivals.end_to_end import Options, options, train
 from rabbit_rivals.joint_targets import NetworkAbout
 from rabbit_rivals.model_file import read
-from rabbit_rivals.sac import Replay, Sac, SacParameters
 from rl_cbf_clf_controller.weights import Actor
 
 SMALL = {

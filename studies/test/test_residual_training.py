@@ -8,7 +8,7 @@ from rabbit_residual.fleet import Rollout
 from rabbit_residual.plants import described, draw_plant, ranges
 from rabbit_residual.ppo import Ppo, PpoParameters, advantages
 from rabbit_residual.session import SessionError
-from rabbit_residual.training import Options, train
+from rabbit_residual.training import options, train
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.weights import read
 
@@ -87,16 +87,17 @@ def test_a_plant_is_described_by_what_is_drawn_of_it() -> None:
     assert sorted(heavy)[-2:] == [0.0, 1.0]
 
 
-def test_a_session_goes_on_and_refuses_another(tmp_path) -> None:
-    options = Options(ticks=40, robots=4, rollout=5)
-    first = read(train(options, tmp_path, tell=lambda line: None))
-    assert first.metadata.transitions == 40
-    second = read(train(options.model_copy(update={"ticks": 60}), tmp_path, tell=lambda line: None))
+@pytest.mark.parametrize("learner", ["ppo", "sac"])
+def test_a_session_goes_on_and_refuses_another(learner, tmp_path) -> None:
+    small = {"robots": 4, "rollout": 5}
+    first = read(train(options(learner, ticks=40, **small), tmp_path, tell=lambda line: None))
+    assert (first.metadata.transitions, first.metadata.learner) == (40, learner)
+    second = read(train(options(learner, ticks=60, **small), tmp_path, tell=lambda line: None))
     assert second.metadata.transitions == 60
     lines = (tmp_path / "curve.csv").read_text().splitlines()
     assert [line.split(",")[0] for line in lines] == ["ticks", "20", "40", "60"]
     with pytest.raises(SessionError, match="use another folder"):
-        train(Options(ticks=80, robots=4, rollout=5, seed=2), tmp_path)
+        train(options(learner, ticks=80, seed=2, **small), tmp_path)
     (tmp_path / "session.pt").write_bytes(b"not a session")
     with pytest.raises(SessionError, match="damaged"):
-        train(options, tmp_path)
+        train(options(learner, ticks=60, **small), tmp_path)

@@ -1,7 +1,7 @@
 """Train the policy within the step."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 from rabbit_common.exit_codes import of_interrupt
@@ -14,18 +14,19 @@ app = typer.Typer(add_completion=False)
 @app.command()
 def residual(
     out: Annotated[Path, typer.Option(help="folder of the session; one that was stopped there goes on")],
+    learner: Annotated[Literal["ppo", "sac"], typer.Option(help="how it learns")] = "ppo",
     ticks: Annotated[int, typer.Option(min=1, max=10**11, help="ticks of all robots together")] = 6_000_000,
     seed: Annotated[int, typer.Option(min=0, max=2**31, help="seed of the training")] = 1,
     robots: Annotated[int, typer.Option(min=4, max=4096, help="robots that walk side by side")] = 128,
     flat: Annotated[float, typer.Option(min=0, max=1, help="share of the robots that walk on flat ground")] = 0.25,
 ) -> None:
-    """Train the policy within the step by PPO in MuJoCo, over random plants: DIR/policy.safetensors and a curve."""
+    """Train the policy within the step in MuJoCo, over random plants: DIR/policy.safetensors and a curve."""
     from rabbit_residual.session import SessionError
-    from rabbit_residual.training import Options, train
+    from rabbit_residual.training import options, train
 
     own_folder(out, "residual")
     try:
         with complaints(SessionError):
-            print(f"written {train(Options(ticks=ticks, seed=seed, robots=robots, flat=flat), out)}")
+            print(f"written {train(options(learner, ticks=ticks, seed=seed, robots=robots, flat=flat), out)}")
     except KeyboardInterrupt as stop:
         fail("stopped; the same command goes on from the last line of the curve", code=of_interrupt(stop))

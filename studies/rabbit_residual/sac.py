@@ -12,9 +12,10 @@ import numpy as np
 import torch
 from pydantic import BaseModel, ConfigDict, Field
 from rabbit_description.state import Array
+from torch import Tensor, nn
+
 from rabbit_residual.fleet import Rollout
 from rabbit_residual.ppo import actor_arrays, network
-from torch import Tensor, nn
 
 LEAST_LOG_STD, MOST_LOG_STD = -5.0, 2.0
 TINY = 1e-6  # of a probability
