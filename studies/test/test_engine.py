@@ -1,5 +1,9 @@
 """Runs over processes are those of one process."""
 
+import os
+import signal
+import threading
+import time
 from pathlib import Path
 from typing import Any
 
@@ -49,3 +53,23 @@ def test_each_result_is_noted_once_it_is_kept(tmp_path: Path) -> None:
     engine.run(WANTED[:1], cache, 1, note=note)
     engine.run(WANTED[:2], cache, 1, note=note)
     assert noted == [(0, True), (1, True)]
+
+
+@pytest.mark.parametrize("number", engine.ENDING)
+def test_a_signal_while_workers_start_is_heard_afterwards(number: int) -> None:
+    """Also where another thread catches it, as that of the progress bar may."""
+    said: list[str] = []
+    before = signal.signal(number, lambda *_: said.append("heard"))
+    over = threading.Event()
+    other = threading.Thread(target=over.wait)
+    other.start()
+    try:
+        with engine._interrupts_held():
+            os.kill(os.getpid(), number)
+            time.sleep(0.05)
+            said.append("workers have started")
+        assert said == ["workers have started", "heard"]
+    finally:
+        signal.signal(number, before)
+        over.set()
+        other.join()

@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from itertools import chain
 from math import ceil
 from multiprocessing import resource_tracker
+from threading import current_thread, main_thread
 from typing import Any
 
 import joblib
@@ -18,6 +19,8 @@ from rabbit_common.child_process import end_with_parent
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from rabbit_experiments.cache import Cache, Job, JobError
+
+ENDING = (signal.SIGINT, signal.SIGTERM)
 
 
 def run(
@@ -91,14 +94,24 @@ def _results(left: Sequence[list[Job]], processes: int) -> Iterator[tuple[Job, A
 
 @contextmanager
 def _interrupts_held() -> Iterator[None]:
-    """Workers started meanwhile never hear a Ctrl-C, which reaches the whole group; here it is heard afterwards."""
+    """Workers that are started meanwhile never hear a Ctrl-C, which reaches the whole group: they inherit the mask.
+
+    Here a signal is heard afterwards. Any thread may catch it, and an exception would cut short a worker's start.
+    """
     for tracker in (resource_tracker, loky_tracker):
         tracker.ensure_running()  # whose start would let it in
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    heard: list[int] = []
+    is_main = current_thread() is main_thread()
+    handlers = {each: signal.signal(each, lambda number, _: heard.append(number)) for each in ENDING if is_main}
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+    for number in heard[:1]:
+        signal.raise_signal(number)
 
 
 def _do(jobs: list[Job]) -> list[tuple[Job, Any]]:

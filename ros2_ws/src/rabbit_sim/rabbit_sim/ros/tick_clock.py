@@ -51,13 +51,11 @@ class TickClock:
 
     def sent(self) -> None:
         """A state went out."""
-        if self._timer is not None:  # in lock-step nobody asks
-            self._sent, self._response = self._now(), math.nan
+        self._sent, self._response = self._now(), math.nan
 
     def answered(self) -> None:
         """Its torque came in."""
-        if self._timer is not None:
-            self._response = self._now() - self._sent
+        self._response = self._now() - self._sent
 
     def simulated(self, at: Header, episode: int, tick: int, source: Source) -> None:
         """A tick of real time that began `at` this time was simulated under what `source` says."""
