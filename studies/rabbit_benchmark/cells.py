@@ -8,18 +8,24 @@ from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from functools import cache
 from importlib.resources import files
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 from rabbit_description.yaml_file import parse_yaml
 
-from rabbit_benchmark.families import families, family_plant, further_changes, settable
+from rabbit_benchmark.families import Split, families, family_plant, further_changes, settable
 
 Terrain = Literal["stones", "flat"]
-Map = Literal["inside", "outside", "storm", "development", "reported", "storm-2"]
+Map = Literal["inside", "outside", "storm", "development", "reported", "unseen", "storm-2"]
 TERRAINS: tuple[Terrain, ...] = ("stones", "flat")
-PLANTS: dict[Map, int] = {"storm": 10, "storm-2": 10, "development": 2, "reported": 2}  # for each course of a cell
+PLANTS: dict[Map, int] = {
+    "storm": 10,
+    "storm-2": 10,
+    "development": 2,
+    "reported": 2,
+    "unseen": 2,
+}  # for each course of a cell
 
 
 @dataclass(frozen=True)
@@ -38,7 +44,7 @@ class Cell:
     def plant(self, run: int, seed: int) -> dict[str, Any]:
         """The changes for course `run`; `seed` is the protocol's."""
         changes = self.values
-        if self.map in ("development", "reported"):
+        if self.map in get_args(Split):
             changes = family_plant(self.name.split("/")[1], run, seed, self.terrain)
         elif self.map == "storm-2":
             changes = second_storm_plant(run, seed, self.terrain)

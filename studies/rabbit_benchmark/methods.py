@@ -30,7 +30,11 @@ from rabbit_benchmark.cells import Map, Terrain
 
 GROUP = "rabbit.methods"
 REFERENCE = "identified"  # with which the others are compared
-LIKE: dict[Map, Map] = {"storm-2": "storm", "reported": "development"}  # no method has parameters of its own there
+LIKE: dict[Map, Map] = {  # no method has parameters of its own on these
+    "storm-2": "storm",
+    "reported": "development",
+    "unseen": "development",
+}
 
 
 class MethodError(ValueError):

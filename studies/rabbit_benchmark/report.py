@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,10 +20,9 @@ from rabbit_viewer import style
 
 from rabbit_benchmark.cells import Cell
 from rabbit_benchmark.comparison import Paired, holm, paired
+from rabbit_benchmark.families import Split
 from rabbit_benchmark.methods import REFERENCE, Method
 from rabbit_benchmark.protocol import SEEDS, Plan, Protocol
-
-FAMILY_MAPS = "development", "reported"
 
 
 class BenchmarkRow(BaseModel):
@@ -137,7 +137,7 @@ class Benchmark:
             for other, each, p in zip(others, pairs, adjusted, strict=True)
         ]
         columns = ("method", "common courses", "it alone walked", f"{self.reference} alone", "p", "p (Holm)")
-        where = self._groups() | {cell.name: [cell] for cell in self.cells if cell.map in FAMILY_MAPS}
+        where = self._groups() | {cell.name: [cell] for cell in self.cells if cell.map in get_args(Split)}
         differences = [
             [name, *(_points(self._paired(other, reference, cells)) for other in others)]
             for name, cells in where.items()

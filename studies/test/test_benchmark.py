@@ -12,7 +12,7 @@ from rabbit_benchmark import methods
 from rabbit_benchmark.cells import TERRAINS, CellError, Map, Terrain, cells, chosen, storm, storm_plant
 from rabbit_benchmark.commands.benchmark import app
 from rabbit_benchmark.comparison import holm, paired
-from rabbit_benchmark.families import families
+from rabbit_benchmark.families import Split, families
 from rabbit_benchmark.methods import BUILT_IN, MethodError, method, variants
 from rabbit_benchmark.protocol import SEEDS, Protocol, plan
 from rabbit_benchmark.report import Benchmark
@@ -165,7 +165,7 @@ def test_a_map_s_courses_are_those_of_its_cells(tmp_path: Path) -> None:
 
 
 def test_a_plant_of_a_family_is_drawn_by_its_seed_within_its_ranges() -> None:
-    for cell in chosen(["development", "reported"]):
+    for cell in chosen(get_args(Split)):
         family = families().families[cell.name.split("/")[1]]
         ranges = families().every | (family.on(cell.terrain) or {})
         drawn = [cell.plant(number, SEEDS["reported"]) for number in range(20)]
@@ -179,7 +179,9 @@ def test_a_plant_of_a_family_is_drawn_by_its_seed_within_its_ranges() -> None:
 
 
 def test_each_plant_of_the_second_storm_can_be_built() -> None:
-    own = {name for family in families().families.values() for name in (*(family.stones or ()), *(family.flat or ()))}
+    own, unseen = set[str](), set[str]()
+    for family in families().families.values():
+        (unseen if family.split == "unseen" else own).update({**(family.stones or {}), **(family.flat or {})})
     seen: set[str] = set()
     for cell in chosen(["storm-2"]):
         for number in range(200):
@@ -187,6 +189,7 @@ def test_each_plant_of_the_second_storm_can_be_built() -> None:
             seen.update(plant)
             SimulationParameters.model_validate(plant)
     assert own <= seen
+    assert not unseen & seen
 
 
 def test_a_variant_of_a_method_has_its_parameters_and_a_name_of_its_own() -> None:
@@ -225,7 +228,7 @@ def test_the_nominal_method_at_its_best_estimates_and_learned_nothing_on_any_map
 @pytest.mark.parametrize("terrain", TERRAINS)
 def test_nothing_is_tuned_on_reported_families(terrain: Terrain) -> None:
     tuned = method("nominal-tuned")
-    assert tuned.on(terrain, "reported") == tuned.on(terrain, "development")
+    assert tuned.on(terrain, "unseen") == tuned.on(terrain, "reported") == tuned.on(terrain, "development")
     assert tuned.on(terrain, "storm-2") == tuned.on(terrain, "storm")
 
 

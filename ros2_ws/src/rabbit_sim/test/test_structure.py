@@ -12,7 +12,16 @@ from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.perturbation import Memory
 from rabbit_sim.perturbations.encoders import EncoderDrift, EncoderGain, FilteredRates, StuckEncoders
 from rabbit_sim.perturbations.ground import TippingStones
-from rabbit_sim.perturbations.joints import DAHL_STIFFNESS, Cogging, CoupledJoints, FadingMotors, Hysteresis
+from rabbit_sim.perturbations.joints import (
+    DAHL_STIFFNESS,
+    ECCENTRIC_PERIODS,
+    Cogging,
+    CoupledJoints,
+    EccentricGears,
+    FadingMotors,
+    Hysteresis,
+    SharedSupply,
+)
 from rabbit_sim.perturbations.sensors import SensorDropout, SensorJitter
 from rabbit_sim.plant import SUBSTEP_SECONDS, PlantReading
 from sensing import begun, state_of
@@ -155,6 +164,33 @@ def test_a_coupled_hip_pulls_at_its_own_knee() -> None:
     legs, torque = CoupledJoints(joint_coupling=0.25), np.array([40.0, 1.0, -8.0, 2.0])
     assert legs.transmitted(Memory(), torque, np.zeros(4), np.zeros(4)).tolist() == [40.0, 11.0, -8.0, 0.0]
     assert torque.tolist() == [40.0, 1.0, -8.0, 2.0]
+
+
+def test_an_eccentric_gear_gives_the_torque_itself_in_the_mean_of_its_turn() -> None:
+    legs, angles = EccentricGears(gear_eccentricity=0.5), np.arange(0, 2 * pi, 1e-3)
+    given = [legs.transmitted(Memory(), np.full(4, 10.0), np.full(4, each), np.ones(4))[0] for each in angles]
+    assert np.mean(given) == pytest.approx(10, rel=1e-3)
+    assert (np.min(given), np.max(given)) == (pytest.approx(5, rel=1e-3), pytest.approx(15, rel=1e-3))
+    assert np.sum(np.diff(np.array(given) > 10)) == 2 * ECCENTRIC_PERIODS
+
+
+def test_motors_on_one_battery_drive_with_its_power_and_brake_with_all_their_torque() -> None:
+    motors, torque, rates = (
+        SharedSupply(supply_power=300.0),
+        np.array([100.0, -50.0, 80.0, 20.0]),
+        np.array([4.0, -4.0, -2.0, 0.0]),
+    )
+    given = motors.transmitted(Memory(), torque, np.zeros(4), rates)
+    assert (given * rates).clip(0).sum() == pytest.approx(300)
+    assert given == pytest.approx([50.0, -25.0, 80.0, 20.0])
+    assert motors.transmitted(Memory(), torque / 3, np.zeros(4), rates).tolist() == (torque / 3).tolist()
+
+
+def test_motors_with_steps_give_the_nearest() -> None:
+    motors = Actuation(SimulationParameters(torque_step=30.0), SimulationParameters())
+    steps, any_torque = motors.advance(np.tile([14.0, 16.0, -44.0, -46.0], (2, 1)))
+    assert steps[0].tolist() == [0.0, 30.0, -30.0, -60.0]
+    assert any_torque[0].tolist() == [14.0, 16.0, -44.0, -46.0]
 
 
 def test_an_encoder_with_a_gain_measures_the_rate_of_its_own_angle() -> None:

@@ -13,6 +13,7 @@ from rabbit_sim.plant import SUBSTEP_SECONDS
 HIPS, KNEES = [0, 2], [1, 3]  # of the joints
 IS_KNEE = np.array([0.0, 1.0, 0.0, 1.0])
 COGGING_PERIODS = 60  # of a joint's turn
+ECCENTRIC_PERIODS = 6  # likewise
 DAHL_STIFFNESS = 500.0  # k of `Hysteresis`, N m/rad
 ROTOR_INERTIA = 0.05  # kg m^2, reflected
 GEAR_STIFFNESS = 5000.0  # N m/rad
@@ -119,6 +120,32 @@ class Cogging(Perturbation):
 
     def transmitted(self, memory: Memory, torque: Array, joints: Array, rates: Array) -> Array:
         given: Array = torque - self.cogging * np.sin(COGGING_PERIODS * joints)
+        return given
+
+
+class EccentricGears(Perturbation):
+    """Gears whose ratio varies with the joint's angle: the torque is times 1 + e sin(ECCENTRIC_PERIODS angle)."""
+
+    order = 503
+
+    gear_eccentricity: EngineNumber = setting(0.0, 0, 2, "how far a gear's ratio varies, as a share of it")
+
+    def transmitted(self, memory: Memory, torque: Array, joints: Array, rates: Array) -> Array:
+        given: Array = torque * (1 + self.gear_eccentricity * np.sin(ECCENTRIC_PERIODS * joints))
+        return given
+
+
+class SharedSupply(Perturbation):
+    """Motors on one battery: together they drive with at most so much power. Braking needs none."""
+
+    order = 507
+
+    supply_power: EngineNumber = setting(0.0, 0, 1e6, "most power that all motors draw together, W; 0: no limit")
+
+    def transmitted(self, memory: Memory, torque: Array, joints: Array, rates: Array) -> Array:
+        power = torque * rates
+        drawn = power.clip(0).sum()
+        given: Array = np.where(power > 0, torque * min(self.supply_power / max(drawn, 1e-9), 1), torque)
         return given
 
 

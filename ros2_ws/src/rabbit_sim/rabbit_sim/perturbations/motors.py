@@ -1,6 +1,6 @@
 """From commanded torque to joint torque, in this order:
 
-saturation, dead time, dead zone, rate limit, power loss, lag of second and of first order.
+saturation, steps, dead time, dead zone, rate limit, power loss, lag of second and of first order.
 
     u_sat(t) = clip(u(t - delay), -limit, limit)     |du_rate/dt| <= rate towards u_sat; the same without a rate
     T dtau/dt = gain (1 - loss) u_rate - tau
@@ -30,6 +30,19 @@ class Saturation(Perturbation):
 
     def drive(self, torques: Array, state: Array) -> Array:
         return np.minimum(np.maximum(torques, -self.torque_limit), self.torque_limit)
+
+
+class TorqueSteps(Perturbation):
+    """A motor gives whole multiples of a step alone, as one behind switching valves does."""
+
+    order = 45
+
+    torque_step: Number = setting(0.0, 0, 200, "step of the torque that a motor can give, N m; 0: any torque")
+
+    def drive(self, torques: Array, state: Array) -> Array:
+        has_steps = np.asarray(self.torque_step) > 0
+        step = np.where(has_steps, self.torque_step, 1.0)
+        return np.where(has_steps, step * np.round(torques / step), torques)
 
 
 class DeadTime(Perturbation):
