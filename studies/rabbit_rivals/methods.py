@@ -1,14 +1,20 @@
 """What enters the benchmark from here; a method whose file or library is missing is left blank, with the reason."""
 
+from dataclasses import replace
 from importlib.util import find_spec
 
+from rabbit_benchmark.cells import TERRAINS
 from rabbit_benchmark.methods import Method
+from rabbit_description.gait import load_gaits
 from rabbit_experiments.assembly import Assembly, AssemblyError
-from rabbit_reproduce.controllers import LIBRARY, MARGIN, variant
+from rabbit_reproduce.controllers import BEST, LIBRARY, MARGIN, variant
+from rabbit_sim.simulation import Simulation
+from rl_cbf_clf_controller.controller import Controller, Further, nothing_further
 from rl_cbf_clf_controller.policy import Policy
 
 from rabbit_rivals.gp_controller import GpController, gp_policy
 from rabbit_rivals.joint_targets import JointTargetController, network_policy, reference_alone
+from rabbit_rivals.mixture import MixedController
 from rabbit_rivals.model_file import SHIPPED
 
 CONFIDENCE = 1.0  # standard deviations; with 2, 40 % of the ticks on flat ground would be infeasible
@@ -32,6 +38,21 @@ class JointTargetAssembly(Assembly):
 
     def make_policy(self) -> Policy:
         return reference_alone() if self.policy == "zero" else network_policy(self.policy)
+
+
+class MixedAssembly(Assembly):
+    """The best controller, mixed with DAgger's network."""
+
+    kind = MixedController
+
+    def build(self, further: Further = nothing_further) -> tuple[Simulation, Controller]:
+        simulation, controller = super().build(further)
+        assert isinstance(controller, MixedController)
+        contender = DAGGER.on(self.controller.terrain)
+        assert contender
+        own = contender.assembly()
+        controller.student = JointTargetController(own.controller, load_gaits(own.controller.gait), own.make_policy())
+        return simulation, controller
 
 
 def _joint_targets(name: str, title: str, policy: str, trained_on: str) -> Method:
@@ -65,6 +86,12 @@ PPO = _joint_targets("ppo", "PPO, joint targets", shipped("ppo"), f"PPO {PLANTS}
 SAC = _joint_targets("sac", "SAC, joint targets", shipped("sac"), f"SAC {PLANTS}: 3 million ticks, seed 1")
 DAGGER = _joint_targets(
     "dagger", "DAgger, joint targets", shipped("dagger"), f"DAgger {PLANTS}: 1.4 million ticks, seed 1"
+)
+MIXTURE = Method(
+    "mixture",
+    "best, a quarter of DAgger",
+    *(replace(BEST[terrain], title="mixture", kind=MixedAssembly) for terrain in TERRAINS),
+    f"what best learned; DAgger {PLANTS}; the share: development plants of all families",
 )
 DDPG_SB3 = _estimates(
     "ddpg-sb3",

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from rabbit_benchmark.methods import method as method_named
 from rabbit_description.gait import load_gaits
 from rabbit_description.state import SWAP_TORQUE, Leg
 from rabbit_experiments.assembly import make_simulation
@@ -27,7 +28,8 @@ from rabbit_rivals.joint_targets import (
     observe,
     reference_alone,
 )
-from rabbit_rivals.methods import PD
+from rabbit_rivals.methods import DAGGER, MIXTURE, PD
+from rabbit_rivals.mixture import SHARE
 from rabbit_rivals.model_file import ModelFile
 from rabbit_sim.batch_simulation import BatchSimulation
 from rabbit_sim.parameters import SimulationParameters
@@ -63,6 +65,25 @@ def test_without_an_action_it_is_pd_on_the_outputs() -> None:
         assert output.torque == pytest.approx(wanted if output.stance is Leg.LEFT else wanted[SWAP_TORQUE])
         state = simulation.step(output.torque)
     assert legs == {Leg.LEFT, Leg.RIGHT}
+
+
+@pytest.mark.parametrize("terrain", ["stones", "flat"])
+def test_a_mixture_is_a_share_of_each_at_all_ticks(terrain) -> None:
+    """Of the controllers that walk beside it and see the same states."""
+    assembly = MIXTURE.on(terrain).assembly()
+    simulation, mixture = assembly.build()
+    parts = [method.on(terrain).assembly().build()[1] for method in (method_named("best"), DAGGER)]
+    for episode in (3, 4):  # nothing is left of the first
+        state = simulation.reset(episode)
+        for each in (mixture, *parts):
+            each.reset(episode)
+        for _ in range(50):
+            qp, network = (each.step(state).torque for each in parts)
+            torque = mixture.step(state).torque
+            assert torque == pytest.approx((1 - SHARE) * qp + SHARE * network, abs=1e-9)
+            state = simulation.step(torque)
+    assert state.running
+    simulation.close()
 
 
 def test_an_action_moves_the_targets_and_is_cut() -> None:
