@@ -97,7 +97,7 @@ class TaughtFleet(JointTargetFleet):
         contender = TEACHER.on(terrain)
         assert contender
         self._assembly = contender.assembly()
-        _, controller = self._assembly.build()
+        controller = self._assembly.make_controller()
         self._student, self._is_taught = student, np.zeros(robots, dtype=bool)
         self._teacher = BatchController(controller, [controller.policy] * robots)
         super().__init__(terrain, robots, act, seed)

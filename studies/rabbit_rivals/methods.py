@@ -4,10 +4,8 @@ from dataclasses import replace
 from importlib.util import find_spec
 
 from rabbit_benchmark.methods import Method
-from rabbit_description.gait import load_gaits
 from rabbit_experiments.assembly import Assembly, AssemblyError
 from rabbit_reproduce.controllers import BEST, LIBRARY, MARGIN, variant
-from rabbit_sim.simulation import Simulation
 from rl_cbf_clf_controller.controller import Controller, Further, nothing_further
 from rl_cbf_clf_controller.policy import Policy
 
@@ -44,14 +42,12 @@ class MixedAssembly(Assembly):
 
     kind = MixedController
 
-    def build(self, further: Further = nothing_further) -> tuple[Simulation, Controller]:
-        simulation, controller = super().build(further)
+    def make_controller(self, further: Further = nothing_further) -> Controller:
+        controller, contender = super().make_controller(further), DAGGER.on(self.controller.terrain)
         assert isinstance(controller, MixedController)
-        contender = DAGGER.on(self.controller.terrain)
         assert contender
-        own = contender.assembly()
-        controller.student = JointTargetController(own.controller, load_gaits(own.controller.gait), own.make_policy())
-        return simulation, controller
+        controller.student = contender.assembly().make_controller()
+        return controller
 
 
 def _joint_targets(name: str, title: str, policy: str, trained_on: str) -> Method:

@@ -11,15 +11,13 @@ from rabbit_description.state import RobotState
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.controller_output import ControllerOutput
 
-from rabbit_rivals.joint_targets import JointTargetController
-
 SHARE = 0.25  # found on development plants of all families
 
 
 class MixedController(Controller):
     """The walking controller beside its `student`, a controller of its own."""
 
-    student: JointTargetController | None = None  # until it is set, the QP's torque alone
+    student: Controller | None = None  # until it is set, the QP's torque alone
 
     def reset(self, seed: int) -> None:
         """Begin an episode."""

@@ -69,10 +69,10 @@ def test_without_an_action_it_is_pd_on_the_outputs() -> None:
 
 @pytest.mark.parametrize("terrain", ["stones", "flat"])
 def test_a_mixture_is_a_share_of_each_at_all_ticks(terrain) -> None:
-    """Of the controllers that walk beside it and see the same states."""
+    """Both controllers see the states of the mixture's walk."""
     assembly = MIXTURE.on(terrain).assembly()
     simulation, mixture = assembly.build()
-    parts = [method.on(terrain).assembly().build()[1] for method in (method_named("best"), DAGGER)]
+    parts = [method.on(terrain).assembly().make_controller() for method in (method_named("best"), DAGGER)]
     for episode in (3, 4):  # nothing is left of the first
         state = simulation.reset(episode)
         for each in (mixture, *parts):

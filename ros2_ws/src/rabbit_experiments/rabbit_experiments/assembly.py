@@ -49,8 +49,11 @@ class Assembly:
 
         Raises `GaitError`, `CourseError`, `PolicyFileError`.
         """
-        gait = load_gaits(self.controller.gait)
-        return make_simulation(self.simulation, gait), self.kind(self.controller, gait, self.make_policy(), further)
+        return make_simulation(self.simulation, load_gaits(self.controller.gait)), self.make_controller(further)
+
+    def make_controller(self, further: Further = nothing_further) -> Controller:
+        """The controller of `build` alone."""
+        return self.kind(self.controller, load_gaits(self.controller.gait), self.make_policy(), further)
 
     def make_policy(self) -> Policy:
         """The policy object."""

@@ -175,11 +175,8 @@ def test_an_eccentric_gear_gives_the_torque_itself_in_the_mean_of_its_turn() -> 
 
 
 def test_motors_on_one_battery_drive_with_its_power_and_brake_with_all_their_torque() -> None:
-    motors, torque, rates = (
-        SharedSupply(supply_power=300.0),
-        np.array([100.0, -50.0, 80.0, 20.0]),
-        np.array([4.0, -4.0, -2.0, 0.0]),
-    )
+    motors, torque = SharedSupply(supply_power=300.0), np.array([100.0, -50.0, 80.0, 20.0])
+    rates = np.array([4.0, -4.0, -2.0, 0.0])
     given = motors.transmitted(Memory(), torque, np.zeros(4), rates)
     assert (given * rates).clip(0).sum() == pytest.approx(300)
     assert given == pytest.approx([50.0, -25.0, 80.0, 20.0])
