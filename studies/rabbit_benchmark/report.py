@@ -1,44 +1,29 @@
-"""What the benchmark leaves: a table, a picture and a page."""
+"""What the benchmark leaves beside its table: a picture and a page."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import get_args
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from pydantic import BaseModel, ConfigDict
 from rabbit_description.atomic_file import replace_text
 from rabbit_experiments import provenance
 from rabbit_experiments.cache import Cache
 from rabbit_experiments.metrics import RunResult
 from rabbit_experiments.summary import Walks, times
-from rabbit_experiments.tables import markdown_table, write_rows
+from rabbit_experiments.tables import markdown_table
 from rabbit_reproduce.table_lines import PLANT_TITLES as ENGINES
 from rabbit_viewer import style
 
 from rabbit_benchmark.cells import Cell
-from rabbit_benchmark.comparison import Paired, holm, paired
+from rabbit_benchmark.comparison import Paired, holm
 from rabbit_benchmark.families import Split
 from rabbit_benchmark.methods import REFERENCE, Method
 from rabbit_benchmark.protocol import SEEDS, Plan, Protocol
-
-
-class BenchmarkRow(BaseModel):
-    """A row of benchmark.csv: Wilson's 95% interval, ms of the median control tick; `reason` where nothing was run."""
-
-    model_config = ConfigDict(frozen=True)
-
-    method: str
-    cell: str
-    walked: int | None = None
-    courses: int | None = None
-    low: float | None = None
-    high: float | None = None
-    mean_stones: float | None = None
-    tick_ms: float | None = None
-    reason: str = ""
+from rabbit_benchmark.table import BenchmarkRow, Table, by_course
 
 
 @dataclass(frozen=True)
@@ -69,15 +54,16 @@ class Benchmark:
 
     def write(self, out: Path) -> Path:
         """benchmark.csv, cells.png and benchmark.md, which is returned."""
-        write_rows(out / "benchmark.csv", BenchmarkRow, self.rows())
+        self.table.write(out / "benchmark.csv")
         style.save(self.figure(), out / "cells.png", dpi=150)
         page = out / "benchmark.md"
         replace_text(page, self.page())
         return page
 
-    def rows(self) -> list[BenchmarkRow]:
-        """One for each method and cell."""
-        return [self._row(method, cell) for method in self.methods for cell in self.cells]
+    @cached_property
+    def table(self) -> Table:
+        """A row for each method and cell."""
+        return Table(self._row(method, cell) for method in self.methods for cell in self.cells)
 
     def figure(self) -> Figure:
         """Courses walked, a column for each method, a row for each cell."""
@@ -146,19 +132,15 @@ class Benchmark:
             "Exact McNemar test over the common courses of all cells here, two-sided. It speaks of these cells: "
             f"the courses of one cell share a plant.\n\n{markdown_table(columns, lines)}\n"
             f"Courses walked of a hundred, more than {self.reference}, with the paired 95% interval:\n\n"
-            f"{markdown_table(('where', *(each.title for each in others)), differences)}"
+            f"{markdown_table(('where', *(each.title for each in others)), differences)}\n"
+            f"Where another method walks more courses than {self.reference}:\n\n{walked_more(self.table, self.reference)}"
         )
 
     def _paired(self, this: Method, other: Method, cells: Sequence[Cell]) -> Paired:
         """Two methods on their common courses in some cells."""
-        both = [(self.results[this, cell], self.results[other, cell]) for cell in cells]
-        walked = [
-            (its.row.success, mine.row.success)
-            for one, two in both
-            if not isinstance(one, str) and not isinstance(two, str)
-            for its, mine in zip(one, two, strict=True)
-        ]
-        return paired([its for its, _ in walked], [mine for _, mine in walked])
+        pair = self.table.paired(this.name, other.name, [cell.name for cell in cells])
+        assert pair
+        return pair
 
     def _cost(self) -> str:
         lines = []
@@ -180,7 +162,17 @@ class Benchmark:
         walks = Walks([each.row for each in results])
         (low, high), tick = walks.interval, times(results)["tick_ms_p50"]
         figures = {"walked": walks.walked, "courses": walks.runs, "low": low, "high": high}
-        return BenchmarkRow(**about, **figures, mean_stones=walks.mean_stones, tick_ms=tick)
+        each = by_course(row.success for row in walks.rows)
+        return BenchmarkRow(**about, **figures, mean_stones=walks.mean_stones, tick_ms=tick, by_course=each)
+
+
+def walked_more(table: Table, reference: str) -> str:
+    """The cells where another method walks more courses, and which walk the most; of an oracle too, the bound."""
+    lines = []
+    for cell, most in table.walked_more(reference).items():
+        each, best = (table.rows[method, cell] for method in (reference, most[0]))
+        lines.append([f"`{cell}`", str(each.courses), str(each.walked), str(best.walked), ", ".join(most)])
+    return markdown_table(("cell", "courses", reference, "the most", "by"), lines) if lines else "Nowhere.\n"
 
 
 def _points(pair: Paired) -> str:
