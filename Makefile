@@ -1,7 +1,7 @@
 # make help lists what there is. PYTHON chooses the interpreter for the environment: make setup PYTHON=python3.12
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup python workspace studies tools build walk test test-all test-browser fuzz check format bench docs lock clean
+.PHONY: help setup python workspace studies tools build walk test test-all test-browser fuzz check format bench docs figures lock clean
 
 ifneq ($(words $(CURDIR)),1)
 $(error The path "$(CURDIR)" has a space in it: move the project to a path without one)
@@ -71,6 +71,9 @@ bench: studies ## time a tick, an evaluation and the way through the nodes
 
 docs: studies ## the site in docs/build/index.html
 	@$(WITH_WORKSPACE) python -B scripts/build_docs.py
+
+figures: studies ## write the figures of the pages anew from the shipped tables
+	@$(WITH_WORKSPACE) python -B scripts/page_figures.py
 
 lock: ## write the locks anew (needs uv)
 	@python3 scripts/lock.py

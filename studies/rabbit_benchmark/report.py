@@ -133,7 +133,8 @@ class Benchmark:
             f"the courses of one cell share a plant.\n\n{markdown_table(columns, lines)}\n"
             f"Courses walked of a hundred, more than {self.reference}, with the paired 95% interval:\n\n"
             f"{markdown_table(('where', *(each.title for each in others)), differences)}\n"
-            f"Where another method walks more courses than {self.reference}:\n\n{walked_more(self.table, self.reference)}"
+            f"Where another method walks more courses than {self.reference}:\n\n"
+            f"{walked_more(self.table, self.reference)}"
         )
 
     def _paired(self, this: Method, other: Method, cells: Sequence[Cell]) -> Paired:

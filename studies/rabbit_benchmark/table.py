@@ -67,16 +67,16 @@ class Table:
 
     def walked(self, method: str, cells: Sequence[str]) -> int:
         """Courses that it walked there."""
-        return sum(self.rows[method, cell].walked or 0 for cell in cells)
+        return sum(self.rows[method, cell].walked or 0 for cell in cells if (method, cell) in self.rows)
 
     def courses(self, method: str, cells: Sequence[str]) -> int:
         """Courses that it has there."""
-        return sum(self.rows[method, cell].courses or 0 for cell in cells)
+        return sum(self.rows[method, cell].courses or 0 for cell in cells if (method, cell) in self.rows)
 
     def paired(self, this: str, other: str, cells: Sequence[str]) -> Paired | None:
         """Two methods on their common courses there; None where a row does not say how each course ended."""
-        pairs = [(self.rows[this, cell], self.rows[other, cell]) for cell in cells]
-        both = [pair for pair in pairs if all(row.courses for row in pair)]
+        common = [cell for cell in cells if self.courses(this, [cell]) and self.courses(other, [cell])]
+        both = [(self.rows[this, cell], self.rows[other, cell]) for cell in common]
         if any(len(row.by_course) != row.courses for pair in both for row in pair):
             return None
         walked = [outcomes for one, two in both for outcomes in zip(one.outcomes, two.outcomes, strict=True)]
@@ -90,4 +90,3 @@ class Table:
             if (most := max(walked.values())) > walked.get(reference, most):
                 found[cell] = [method for method, each in walked.items() if each == most]
         return found
-

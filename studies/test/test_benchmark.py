@@ -16,6 +16,7 @@ from rabbit_benchmark.families import Split, families
 from rabbit_benchmark.methods import BUILT_IN, MethodError, method, variants
 from rabbit_benchmark.protocol import SEEDS, Protocol, plan
 from rabbit_benchmark.report import Benchmark
+from rabbit_benchmark.table import BenchmarkRow, Table, by_course
 from rabbit_experiments.cache import Cache
 from rabbit_experiments.engine import run
 from rabbit_sim.parameters import SimulationParameters
@@ -47,6 +48,23 @@ def test_holm_multiplies_the_least_by_all_and_never_decreases() -> None:
     assert holm([0.01, 0.04, 0.03]) == pytest.approx([0.03, 0.06, 0.06])
     assert holm([0.9, 0.8]) == [1, 1]
     assert holm([]) == []
+
+
+def test_a_table_gives_its_comparisons_again(tmp_path: Path) -> None:
+    ended = {"one": [True] * 5 + [True, False], "other": [False] * 5 + [True, False]}
+    rows = [
+        BenchmarkRow(method=name, cell=cell, walked=sum(each), courses=len(each), by_course=by_course(each))
+        for cell in ("a", "b")
+        for name, each in ended.items()
+    ]
+    old = [BenchmarkRow(method=name, cell="c", walked=3, courses=7) for name in ("one", "other")]
+    blank = BenchmarkRow(method="one", cell="d", reason="no controller for d")
+    Table([*rows, *old, blank]).write(tmp_path / "table.csv")
+    table = Table.read(tmp_path / "table.csv")
+    assert table.paired("one", "other", ["a", "b", "d"]) == paired(ended["one"] * 2, ended["other"] * 2)
+    assert table.paired("one", "other", ["a", "c"]) is None, "an old row does not say how each course ended"
+    assert table.walked_more("other") == {"a": ["one"], "b": ["one"]}
+    assert table.walked_more("one") == {}
 
 
 def test_every_cell_is_a_plant() -> None:
@@ -156,6 +174,9 @@ def test_a_map_s_courses_are_those_of_its_cells(tmp_path: Path) -> None:
     run([job for each in runs.values() if not isinstance(each, str) for job in each], cache)
     page = Benchmark.from_cache(TINY, entered, wanted, runs, cache).write(tmp_path).read_text()
     rows = csv.DictReader((tmp_path / "benchmark.csv").open())
+    cell = wanted[0]
+    (ended,) = (cache.get(job).row.success for job in runs[entered[0], cell])
+    assert Table.read(tmp_path / "benchmark.csv").rows["nominal-pd", cell.name].outcomes == [ended]
     inside = sum(int(row["walked"]) for row in rows if row["method"] == "nominal-pd" and "slope" not in row["cell"])
     lines = [line for line in page.partition("each map")[2].splitlines() if line.startswith("| ")]
     assert lines[0] == "| method | inside, flat | outside, flat |"

@@ -1,0 +1,344 @@
+"""Where on the pages the shipped tables' figures stand, and where the other counts of courses come from."""
+
+from collections.abc import Sequence
+
+from page_figures import Page
+from rabbit_benchmark.cells import Map
+from rabbit_benchmark.families import families
+from rabbit_benchmark.report import walked_more
+from shipped_tables import (
+    BEST,
+    FLAT,
+    HIGH_GAIN,
+    MAPS,
+    PAPER,
+    STONES,
+    TEN,
+    TUNED,
+    UNSEEN,
+    at_least_one,
+    courses,
+    gains,
+    gains_table,
+    harm,
+    interval,
+    large,
+    large_table,
+    on_both,
+    p_values,
+    points,
+    rides,
+    signed,
+    table,
+    unpaired,
+    unseen,
+    unseen_table,
+    verdicts,
+    walked,
+    where,
+)
+
+LARGE = "benchmark_mujoco"
+FOR_TERRAINS = {"stones": STONES, "flat": FLAT}
+
+
+def pages() -> dict[str, Page]:
+    """By name."""
+    return {
+        "README.md": readme(),
+        "docs/results.md": results(),
+        "studies/docs/structure.md": structure(),
+        "studies/docs/tuning.md": tuning(),
+    }
+
+
+def readme() -> Page:
+    """What is said first."""
+    half, thrice = gains()["mass scale 0.5"], gains()["mass scale 3"]
+    scales = [float(plant.split()[-1]) for plant, each in gains().items() if "kg" not in plant and each[TUNED][0] >= 18]
+    (every, nominal, learned, _), beyond = rides()
+    return Page(
+        [
+            f"Of 20 such courses the nominal one walks [{half[TUNED][0]}](studies/docs/tuning.md#what-learning-buys) "
+            f"and "
+            f"`best` {half[BEST][0]}",
+            f"Of 20 others they walk {thrice[TUNED][0]} and {thrice[BEST][0]}.",
+            f"walks there too, from {min(scales):g} to {max(scales):g} times the mass",
+            f"Of the paper's claims {verdicts()['reproduced']} hold here; against the best gain "
+            f"[{verdicts()['fallen']} of",
+            f"`best` walks [{unseen('best', 'unseen')} of {courses('unseen_mujoco', 'unseen')} courses]"
+            "(studies/docs/structure.md#the-unseen-families-walked-once) and the tuned nominal controller "
+            f"{unseen('nominal-tuned', 'unseen')}",
+            f"`best` walks {unseen('mixture', 'unseen')}; that share was found on other plants of these families",
+            f"It walks {large('best', 'inside')} of {courses(LARGE, 'inside')} courses with other masses",
+            f"{large('best', 'outside'):,} of {courses(LARGE, 'outside'):,} with slopes",
+            f"{large('best', *MAPS):,} of all {courses(LARGE, *MAPS):,}",
+            f"PPO walks {large('ppo', *MAPS):,}, the tuned nominal controller {large('nominal-tuned', *MAPS):,}.",
+            f"in {learned} of {every} rides with learned estimates, in {nominal} without",
+            f"to within {beyond} mm",
+        ]
+    )
+
+
+def results() -> Page:
+    """The page of results."""
+    counts, ((every, nominal, learned, _), beyond) = verdicts(), rides()
+    on_stones = [large(each, *MAPS, terrains=STONES) for each in ("best", "best-nominal")]
+    reported = {each: large(each, "reported") for each in ("best", "ppo", "dagger", "sac", "mixture")}
+    care = [each.lstrip("+") for each in interval(LARGE, "best", "best-before", "reported", terrains=STONES)]
+    p = p_values(LARGE, "best")
+    mixture = f"{p.pop('mixture'):.1g}" if p else "#"
+    least = next((each for each in ("0.001", "0.01", "0.05") if max(p.values()) < float(each)), "1") if p else "#"
+    return Page(
+        [
+            *large_table().splitlines()[2:],
+            f"the paper's {counts['claims']} claims hold?** {counts['reproduced']}, and {counts['partly']} in part; "
+            f"{counts['not']} do not, and {counts['shows nothing']} show nothing. Of the {counts['reproduced']}, "
+            f"{counts['fallen']} fall",
+            f"does not, at any of {len(gains())} masses and payloads. `best`, which identifies the robot, walks all "
+            f"{sum(each[BEST][0] for each in gains().values())} courses there",
+            f"`best` walks [{unseen('best', 'unseen')} of {courses('unseen_mujoco', 'unseen')} courses]",
+            f"a tuned nominal controller {unseen('nominal-tuned', 'unseen')}.",
+            f"`best` walks {unseen('mixture', 'unseen')}; that share was found on development plants of these "
+            f"families,",
+            f"[{harm('best', 'reported')} and {harm('nominal-tuned', 'reported')}]",
+            f"in {learned} of {every} rides with learned estimates, to within {beyond} mm, and in {nominal} without",
+            f"differences over all courses have p < {least} (exact McNemar test, two-sided); that of `mixture` has "
+            f"{mixture}.",
+            f"It walks {large('best', *MAPS):,} of the {courses(LARGE, *MAPS):,} courses.",
+            f"walks {large('oracle-slopes', *MAPS):,}. It does not predict",
+            f"{on_stones[0]} courses of {courses(LARGE, *MAPS, terrains=STONES):,} against {on_stones[1]} with",
+            f"gains {care[0]} points in the reported families ({care[1]} to {care[2]})",
+            f"walks {large('best', *MAPS) - large('best-unlearned', *MAPS)} more of all courses",
+            f"{large('nominal-tuned', 'reported', terrains=FLAT)} and {large('best', 'reported', terrains=FLAT)} of "
+            f"{courses(LARGE, 'reported', terrains=FLAT)}.",
+            f"PPO walks {large('ppo', *MAPS):,}, and only {reported['ppo']} of {courses(LARGE, 'reported')} in "
+            f"families",
+            f"DAgger walks {reported['dagger']} there, SAC {reported['sac']}, `best` {reported['best']}.",
+        ],
+        {"walked more": walked_more(table(LARGE), "best")},
+        {
+            "99 of 100 courses of 20 stones": "results_paper.md",
+            "99 of 100 in MuJoCo too": "results_paper.md",
+        },
+    )
+
+
+def structure() -> Page:
+    """The page on uncertain structure."""
+    every = courses("unseen_mujoco", "unseen")
+    walks = {each: unseen(each, "unseen") for each in (*UNSEEN, "mixture")}
+    beside = {each: points("unseen_mujoco", each, "nominal-tuned", "unseen") for each in walks}
+    on_stones, on_flat = (
+        points("unseen_mujoco", "best", "nominal-tuned", "unseen", terrains=each) for each in (STONES, FLAT)
+    )
+    coarse = [table("unseen_mujoco").walked(each, ["stones/coarse-encoders"]) for each in ("best", "best-before")]
+    order = ("best", "nominal-tuned", "best-before", "oracle-slopes", "dagger", "ppo")
+    carried = interval("unseen_mujoco", "best", "best-before", "unseen")
+    student = interval("unseen_mujoco", "dagger", "best", "unseen")
+    counts = [f"**{walks[each]}**" if each == "dagger" else str(walks[each]) for each in order]
+    less = ["" if each == "nominal-tuned" else beside[each] for each in order]
+    in_pybullet = [walked("unseen_pybullet", each, "unseen") for each in order[:2]]
+    return Page(
+        [
+            f"{walks['best']} and {walks['nominal-tuned']} of {every} courses, and",
+            f"a network without a QP, {walks['dagger']} (",
+            f"in that of `best` walks {walks['mixture']}",
+            *walks_of_families(),
+            *unseen_table().splitlines()[2:],
+            f"| all, of {every} | {' | '.join(counts)} |",
+            f"| less the tuned nominal one, points | {' | '.join(less)} |",
+            f"| in PyBullet | {in_pybullet[0]} | {in_pybullet[1]} |",
+            f"in PyBullet {points('unseen_pybullet', 'best', 'nominal-tuned', 'unseen')}. On stones {on_stones} in "
+            f"MuJoCo, "
+            f"on flat ground {on_flat}.",
+            f"it walks {carried[0][1:]} of a hundred courses more than the frozen `best-before` ({carried[1]} to "
+            f"{carried[2]})",
+            f"`dagger` {student[0]} beside `best` ({student[1]} to {student[2]})",
+            f"with coarse encoders on stones, {coarse[0]} and {coarse[1]}.",
+            *network_beside(),
+            *base_rows(),
+            *limits(),
+            f"| nominal, tuned over both libraries | {large('nominal-tuned', 'outside', terrains=FLAT)} | "
+            f"{large('nominal-tuned', 'storm', terrains=FLAT)}; # | "
+            f"{large('nominal-tuned', 'storm-2', terrains=FLAT)}; # | "
+            f"{large('nominal-tuned', 'reported', terrains=FLAT)}; # |",
+        ],
+        elsewhere={
+            "What `best` does about it": "walks by the commands there",
+            "7 to 15 of 24": "the walks with which the ranges were chosen",
+            "At least one of seven walks 348 of the 400": "walks at d1d64399, whose courses are not shipped",
+            "A network beside the QP": "development plants, and PyBullet at 8da9a325",
+            "The rows of the base": "development plants, at d4b54696",
+            "42 of 50 as before": "results_best.md",
+            "A policy within the step": "development plants, lab notes",
+        },
+    )
+
+
+def walks_of_families() -> list[str]:
+    """Which figure nothing was tuned on: five walks."""
+    ten = list(families().families)
+    ten = ten[ten.index("second-order-motors") : ten.index("measurements-of-varying-age") + 1]
+    once = [cell for family in ten for cell in on_both(family)]
+    first = [table("reported_mujoco").walked(each, once) for each in ("best", "nominal-tuned")]
+    nominal = walked("reported_2_mujoco", "nominal-tuned", "reported")
+    before = walked("reported_2_mujoco", "best (d)", "reported")
+    every = courses("unseen_mujoco", "unseen")
+    unseen_ = unseen("best", "unseen"), unseen("nominal-tuned", "unseen")
+    gain = signed((before - nominal) / every).lstrip("+")
+    shares = [
+        signed((harm("best", "reported", terrains=each) - harm("nominal-tuned", "reported", terrains=each)) / 200)
+        for each in (STONES, FLAT)
+    ]
+    return [
+        f"trusts its identification | {table('reported_mujoco').courses('best', once)} | {first[0]} | {first[1]} |",
+        f"`best` gives way | {every} | **{before}** | **{nominal}** |",
+        f"a rule found on their development seeds | {every} | {walked('base_rows_mujoco', 'best', 'reported')} | "
+        f"{nominal} |",
+        f"a gait for flat ground, found in the same way | {every} | {harm('best', 'reported')} | "
+        f"{harm('nominal-tuned', 'reported')} |",
+        f"the five unseen families, today, nothing tuned on them | {every} | **{unseen_[0]}** | **{unseen_[1]}** |",
+        f"`best` gained {gain} of a hundred courses (# to #) once, and nothing today ({{}}, {{}} to {{}}).".format(
+            *interval("unseen_mujoco", "best", "nominal-tuned", "unseen")
+        ),
+        f"in walk 4, {shares[0].lstrip('+')} of a hundred on stones and {shares[1].lstrip('+')} on flat ground",
+    ]
+
+
+def network_beside() -> list[str]:
+    """The mixture."""
+    engines = {"MuJoCo": "unseen_mujoco", "PyBullet": "unseen_pybullet"}
+    gains_ = {name: interval(name, "mixture", "best", "unseen") for name in engines.values()}
+    lines = []
+    for engine, name in engines.items():
+        there = [walked(name, each, "unseen") for each in ("mixture", "best")]
+        parts = [points(name, "mixture", "best", "unseen", terrains=each) for each in (STONES, FLAT)]
+        all_ = points(name, "mixture", "best", "unseen")
+        lines.append(f"| {engine} | {there[0]} | {there[1]} | **{all_}** | {parts[0]} | {parts[1]} |")
+    least, most = sorted(abs(int(each[0])) for each in gains_.values())
+    lost = [
+        large("best", "outside", terrains=each) - large("mixture", "outside", terrains=each) for each in (STONES, FLAT)
+    ]
+    two = {where: [large(each, where) for each in ("mixture", "best")] for where in MAPS}
+    pushed = [table(LARGE).walked(each, ["flat/scale-2-push-20"]) for each in ("mixture", "best")]
+    difference = [signed((large("mixture", *MAPS) - large("best", *MAPS)) / courses(LARGE, *MAPS), 1), "#", "#"]
+    if pair := table(LARGE).paired("mixture", "best", where(*MAPS)):
+        difference = [signed(each, 1) for each in pair.difference]
+    return [
+        f"it walks {least} to {most} of a hundred courses more than `best`",
+        *lines,
+        f"Beside the tuned nominal controller that is {points('unseen_mujoco', 'mixture', 'nominal-tuned', 'unseen')}, "
+        f"beside `dagger` {points('unseen_mujoco', 'mixture', 'dagger', 'unseen')}.",
+        f"it walks {large('mixture', *MAPS):,} of {courses(LARGE, *MAPS):,} courses, `best` {large('best', *MAPS):,} "
+        "({} of a hundred, {} to {}).".format(*difference),
+        f"It loses {sum(lost)} outside, {lost[0]} of them on stones",
+        f"It gains {two['storm-2'][0] - two['storm-2'][1]} of {courses(LARGE, 'storm-2')} in storm-2 "
+        f"({two['storm-2'][0]} and "
+        f"{two['storm-2'][1]}) and walks as many inside ({two['inside'][0]}), in the storm ({two['storm'][0]} and "
+        f"{two['storm'][1]}) and of the reported families ({two['reported'][0]} and {two['reported'][1]})",
+        f"on flat ground {pushed[0]} times of 10, `best` {pushed[1]}.",
+    ]
+
+
+def base_rows() -> list[str]:
+    """Before the rows of the base, and with them."""
+    old, new = table("reported_2_mujoco"), table("base_rows_mujoco")
+    lines, totals = [], []
+    for family in dict.fromkeys(cell.split("/")[1] for cell in where("reported")):
+        pairs = [[old.walked("best (d)", [cell]), new.walked("best", [cell])] for cell in on_both(family)]
+        lines.append(f"| `{family}` | {' | '.join(f'{one}, {other}' for one, other in pairs)} |")
+        totals.append(pairs)
+    stones, flat = (tuple(sum(pairs[place][when] for pairs in totals) for when in (0, 1)) for place in (0, 1))
+    storms = [[old.walked("best (c)", [each]), new.walked("best", [each])] for each in where("storm", "storm-2")]
+    sums = stones[0] + flat[0], stones[1] + flat[1]
+    low, high = unpaired(sums[1], sums[0], 400)
+    dagger = walked("reported_2_others_mujoco", "dagger", "reported")
+    return [
+        *lines,
+        f"| all, of 200 | {stones[0]}, **{stones[1]}** | {flat[0]}, **{flat[1]}** |",
+        "| storm; storm-2, of 100 | {}, {}; {}, {} | {}, {}; {}, {} |".format(*(n for pair in storms for n in pair)),
+        f"{sums[0]} of 400 became {sums[1]}, {signed((sums[1] - sums[0]) / 400)} of a hundred. As two unpaired "
+        f"shares the 95% "
+        f"interval is {low} to {high}. The tuned nominal controller walks "
+        f"{walked('reported_2_mujoco', 'nominal-tuned', 'reported')}, `dagger` {dagger}.",
+    ]
+
+
+def limits() -> list[str]:
+    """What limits `best`."""
+    lines = []
+    for where_ in MAPS[1:]:
+        for terrain, each in FOR_TERRAINS.items():
+            size = courses(LARGE, where_, terrains=each)
+            lines.append(f"| {where_}, {terrain} | {size - large('best', where_, terrains=each)} of {size} |")
+    columns = [
+        [large(method, each, terrains=t) for each in MAPS[1:] for t in (STONES, FLAT)]
+        for method in ("best", "oracle-slopes")
+    ]
+    most = [at_least_one(LARGE, TEN, each, terrains=t) for each in MAPS[1:] for t in (STONES, FLAT)]
+    outside = large("best", "outside"), courses(LARGE, "outside")
+    beside = []
+    for name in MAPS[2:]:
+        for terrain, each in FOR_TERRAINS.items():
+            two = [large(method, name, terrains=each) for method in ("best", "nominal-tuned")]
+            difference = points(LARGE, "best", "nominal-tuned", name, terrains=each)
+            beside.append(f"| {name}, {terrain} | {two[0]}, {two[1]} | {difference} | #, # | # (# to #) |")
+    there = where("outside", "reported")
+    pairs = {cell: [table(LARGE).walked(each, [cell]) for each in ("best", "nominal-tuned")] for cell in there}
+    fewer = [
+        f"`{cell}`, {one} and {other} of {table(LARGE).courses('best', [cell])}"
+        for cell, (one, other) in pairs.items()
+        if other - one >= 3
+    ]
+    return [
+        *lines,
+        *(
+            f"| {title} | {in_pairs(each)} |"
+            for title, each in zip(("`best`", "`oracle-slopes`"), columns, strict=True)
+        ),
+        f"| at least one of ten | {in_pairs(most)} |",
+        f"a choice among the ten walks {of_hundred(most[:2], 'outside')} outside, {most[3]} of the storm on flat "
+        f"ground and "
+        f"{of_hundred(most[6:], 'reported')} of the reported",
+        f"Outside `best` walks {outside[0]:,} of {outside[1]:,} courses in MuJoCo",
+        *beside,
+        f"Of the {len(there)} cells outside and of families, `best` walks at least three courses fewer in "
+        f"{len(fewer)} of "
+        f"MuJoCo ({', '.join(fewer)})",
+    ]
+
+
+def of_hundred(counts: Sequence[str], name: Map) -> str:
+    """The share of a map's courses on both terrains."""
+    return "#" if "#" in counts else f"{sum(map(int, counts)) / courses(LARGE, name):.1%}"
+
+
+def in_pairs(counts: Sequence[int | str]) -> str:
+    """On stones and on flat ground, by map."""
+    return " | ".join(f"{one}; {other}" for one, other in zip(counts[::2], counts[1::2], strict=True))
+
+
+def tuning() -> Page:
+    """The nominal controller at its best."""
+    best = [sum(each[BEST][engine] for each in gains().values()) for engine in (0, 1)]
+    more = [
+        sum(each[PAPER][engine] > max(each[TUNED][engine], each[HIGH_GAIN][engine]) for each in gains().values())
+        for engine in (0, 1)
+    ]
+    assert best[0] == best[1]
+    return Page(
+        [
+            f"`best` walks all {best[0]} courses in both engines",
+            f"It walks more courses than both nominal settings at {more[0]} of {len(gains())} points in PyBullet and "
+            f"at "
+            f"{more[1]} of {len(gains())} in MuJoCo",
+        ],
+        {"gains": gains_table()},
+        elsewhere={
+            "(20 of 20:": "Wilson's interval of any count",
+            "880 of 880": "the same command at 18179806",
+            "4 of 20 courses": "the greatest of the row above",
+            "What was tried": "development plants, by the commands there",
+        },
+    )
