@@ -20,7 +20,15 @@ project = "RABBIT on stepping stones"
 author = "the contributors"
 language = "en"
 root_doc = "README"
-include_patterns = ["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs/**", "ros2_ws/src/*/README.md"]
+include_patterns = [
+    "README.md",
+    "CONTRIBUTING.md",
+    "CHANGELOG.md",
+    "docs/**",
+    "ros2_ws/src/*/README.md",
+    "studies/docs/**",
+    "qa/docs/**",
+]
 exclude_patterns = [
     ".*",
     "docs/build",
@@ -40,18 +48,20 @@ myst_heading_anchors = 4
 smartquotes = False  # B'' is a second derivative
 
 html_theme = "furo"
+html_favicon = "../ros2_ws/src/rabbit_viewer/rabbit_viewer/page/static/icon.svg"
 html_title = project
 html_copy_source = False
 html_show_sourcelink = False
 html_extra_path = ["site/index.html", "pictures/walk.html"]  # the first opens the first page, the second is on it
 PICTURE = re.compile(r"^\[!\[[^]]*\]\([^)]*walk.gif\)\]\([^)]*walk.html\)\n\n\*[^*]*\*\n", re.MULTILINE)
 
-OUTSIDE = re.compile(r"\]\(((?:\.\./)*(?:studies|qa)/docs/[^)#\s]+\.md)(?:#[^)\s]*)?\)")
+TABLES = re.compile(r"studies/docs/reproduced/.+/")  # of single experiments: pages, but in no table of contents
 
 
-def link_files(_app: Sphinx, _page: str, source: list[str]) -> None:
-    """Pages of the studies and of the campaigns are files beside the site."""
-    source[0] = OUTSIDE.sub(r"](path:\1)", source[0])
+def free_tables(_app: Sphinx, page: str, source: list[str]) -> None:
+    """What is reached by links alone says so."""
+    if TABLES.match(page):
+        source[0] = f"---\norphan: true\n---\n# {page.rsplit('/', 2)[1]}\n\n{source[0]}"
 
 
 def make_first_page(_app: Sphinx, page: str, source: list[str]) -> None:
@@ -99,6 +109,6 @@ def escaped(text: str) -> str:
 def setup(app: Sphinx) -> None:
     """Register what is ours."""
     app.connect("source-read", make_first_page)
-    app.connect("source-read", link_files)
+    app.connect("source-read", free_tables)
     app.connect("autodoc-process-docstring", as_rst, priority=400)  # before napoleon
     app.add_directive("reference", Reference)

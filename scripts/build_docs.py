@@ -9,7 +9,9 @@ import re
 import shutil
 import subprocess
 import sys
+from html.parser import HTMLParser
 from pathlib import Path
+from urllib.parse import unquote, urlsplit
 
 import browser_tools
 from common import ROOT, STATE, SetUpError, digest, is_done, main, mark_done, say
@@ -27,6 +29,37 @@ def outside_requests(site: Path) -> list[str]:
         for path in sorted(site.rglob("*.html"))
         for tag, address in REQUEST.findall(path.read_text(encoding="utf-8"))
     ]
+
+
+class Links(HTMLParser):
+    """The addresses that a page links to, and its anchors."""
+
+    def __init__(self, page: Path) -> None:
+        super().__init__()
+        self.addresses, self.anchors = set[str](), {"", "top"}
+        self.feed(page.read_text(encoding="utf-8"))
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Take in a tag."""
+        for name, value in attrs:
+            if name == "id" or (tag, name) == ("a", "name"):
+                self.anchors.add(value or "")
+            elif name == "href" and value and not urlsplit(value).scheme and not value.startswith("//"):
+                self.addresses.add(value)
+
+
+def dead_links(site: Path) -> list[str]:
+    """Links to no file or anchor of a site, and to a page's Markdown, which a browser downloads, as `page: address`."""
+    pages = {path.resolve(): Links(path) for path in sorted(site.rglob("*.html"))}
+    found = []
+    for page, links in pages.items():
+        for address in sorted(links.addresses):
+            parts = urlsplit(address)
+            target = (page.parent / unquote(parts.path)).resolve() if parts.path else page
+            anchor_lacks = target in pages and unquote(parts.fragment) not in pages[target].anchors
+            if not target.is_file() or target.suffix == ".md" or anchor_lacks:
+                found.append(f"{page.relative_to(site.resolve())}: {address}")
+    return found
 
 
 def install_sphinx() -> None:
@@ -57,7 +90,7 @@ def build() -> None:
     """Build the whole site.
 
     Raises:
-        SetUpError: a command failed, Sphinx warned, or a page asks something of another host.
+        SetUpError: a command failed, Sphinx warned, a page asks something of another host, or a link leads nowhere.
     """
     install_sphinx()
     say("docs: pages")
@@ -71,6 +104,8 @@ def build() -> None:
     build_first_page()
     if found := outside_requests(SITE):
         raise SetUpError(f"pages that ask something of another host: {'; '.join(found)}")
+    if found := dead_links(SITE):
+        raise SetUpError(f"links that lead nowhere, or to a page's Markdown: {'; '.join(found)}")
     say(f"docs: {SITE.relative_to(ROOT)}/index.html")
 
 

@@ -1,8 +1,8 @@
 """`make figures`: figures of pages become those of the shipped tables; a test compares them.
 
-`shipped_figures.py` says which. A fragment is some words of a page with its figures worked out; it is found by its words,
-whatever figures stand on the page, and must be there once. `#` stands for a figure that the shipped rows do not give. A
-block is a table between `<!-- made: NAME -->` and `<!-- end -->`.
+`shipped_figures.py` says which. A fragment is some words of a page with its figures worked out; it is found by its
+words, whatever figures stand on the page, and must be there once. `#` stands for a figure that the shipped rows do not
+give. A block is a table between `<!-- made: NAME -->` and `<!-- end -->`.
 """
 
 import re

@@ -33,7 +33,7 @@ FOLDER = "walk"
 LIBC = "wasm32-wasi"  # for exp, sin, malloc; it imports nothing
 SECURITY = (  # MuJoCo's bindings make functions from text as they start
     "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; connect-src 'self'; "
-    "script-src 'self' 'unsafe-inline' 'unsafe-eval'; style-src 'self' 'unsafe-inline'; img-src data:\">"
+    "script-src 'self' 'unsafe-inline' 'unsafe-eval'; style-src 'self' 'unsafe-inline'; img-src 'self' data:\">"
 )
 
 LICENSES = """mujoco.js, mujoco.wasm.gz: MuJoCo, Apache-2.0, https://github.com/google-deepmind/mujoco

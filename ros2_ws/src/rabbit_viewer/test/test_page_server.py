@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack
 from http.client import HTTPConnection
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 from page_client import PageClient
@@ -191,6 +192,14 @@ def test_a_saved_page_holds_the_walk_and_asks_nobody(page: PageServer, broadcast
     assert "default-src 'none'" in text
     with pytest.raises(PageError, match=r"^--export /nowhere/walk\.html: No such file"):
         write_page(Path("/nowhere/walk.html"), broadcast)
+
+
+def test_the_page_has_an_icon(page: PageServer) -> None:
+    index, icon = get(page.address, "/")[1], get(page.address, "/icon.svg")
+    assert '<link rel="icon" href="icon.svg">' in index
+    assert icon[0] == 200
+    assert ElementTree.fromstring(icon[1]).tag == "{http://www.w3.org/2000/svg}svg"
+    assert get(page.address, "/favicon.ico") == icon, "a browser also asks for it unasked"
 
 
 def test_paths_that_are_asked_for_are_not_kept() -> None:

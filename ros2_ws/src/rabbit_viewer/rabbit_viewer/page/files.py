@@ -19,10 +19,11 @@ SAVED = "/walk.html"  # the page and its walk in one file
 KINDS = {
     "html": "text/html; charset=utf-8",
     "css": "text/css; charset=utf-8",
+    "svg": "image/svg+xml",
     "js": "text/javascript; charset=utf-8",
     "txt": "text/plain; charset=utf-8",
 }
-INDEX = "index.html"
+INDEX, ICON = "index.html", "icon.svg"
 STATIC = files("rabbit_viewer.page") / "static"
 ALONE = (
     '<meta http-equiv="Content-Security-Policy" content="default-src \'none\'; '
@@ -32,7 +33,8 @@ ALONE = (
 
 def find_file(path: str) -> tuple[str, bytes] | None:
     """Kind and content of the page's file at a URL's path; None where there is none."""
-    return contents().get(path.removeprefix("/") or INDEX)
+    name = path.removeprefix("/") or INDEX
+    return contents().get(ICON if name == "favicon.ico" else name)  # which a browser also asks for unasked
 
 
 @cache
@@ -63,6 +65,7 @@ def page_with(broadcast: Broadcast) -> str:
     page = text(INDEX)
     page = page.replace('<meta charset="utf-8">', f'<meta charset="utf-8">\n{ALONE}')
     page = re.sub(r'<link rel="stylesheet" href="(.*?)">', lambda m: f"<style>{text(m[1])}</style>", page)
+    page = page.replace(f'href="{ICON}"', f'href="data:{KINDS["svg"]};base64,{in_base64(contents()[ICON][1])}"')
     page = re.sub(r'<script src="(.*?)">', lambda m: f"<script>{text(m[1])}", page)
     page = re.sub(r'"\./(\w+\.js)"', lambda m: f'"data:text/javascript;base64,{in_base64(contents()[m[1]][1])}"', page)
     return page.replace("<body>", f'<body>\n<script type="application/json" id="walk-data">{walk}</script>')
