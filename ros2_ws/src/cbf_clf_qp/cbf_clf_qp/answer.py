@@ -23,7 +23,7 @@ from cbf_clf_qp.functions import Array, NumpyFunction, Place, Values, free_symbo
 from cbf_clf_qp.qp import ROUNDING, UNBOUNDED, Layout, polished, reading
 
 SOLVERS = "daqp", "osqp"
-TOLERANCE = 1e-6  # KKT residual that is let pass, relative to 1 + |x|
+TOLERANCE = 1e-6  # KKT residual that is let pass, relative to 1 + |x|, of a hard row to its own bounds
 OPTIMAL = 1e-12  # one that is rounding alone
 
 
@@ -45,6 +45,10 @@ class Decided:
     def __getitem__(self, i: int) -> "Decided":
         """That of robot `i` of N."""
         return Decided(self.values[i], self.layout, self.solved[i], self.solver[i], self.status[i], self.seconds)
+
+    def is_by(self, solver: str) -> bool:
+        """Whether it is this solver's answer: not its guard's, and not nobody's."""
+        return bool(self.solved) and self.solver == solver
 
     @property
     def u(self) -> Array:
@@ -104,7 +108,7 @@ class Answering:
 
     def _begin(self) -> None:
         self._osqp = OsqpSolver(self.layout)
-        self.unanswered = 0  # programmes that the first solver did not answer
+        self.unanswered = 0  # programmes that the first solver did not answer, also where nobody could
         self.reset()
 
     def reset(self) -> None:
@@ -124,9 +128,11 @@ class Answering:
         for solver in SOLVERS if self.solver == "daqp" else reversed(SOLVERS):
             values, status = self._by_daqp(*inputs) if solver == "daqp" else self._by_osqp(*inputs)
             solved = values.row.item(0) < TOLERANCE  # the residual
-            if solved or not values.is_valid[0]:
+            if solved:
                 break
             self.unanswered += solver == self.solver
+            if not values.is_valid[0]:  # nobody can
+                break
         return Decided(values, self.layout, solved, solver, status, perf_counter() - start)
 
     def _by_daqp(self, *inputs: Array) -> tuple[Values, str]:

@@ -53,6 +53,12 @@ class Layout:
     rescues: Array
     of_slacks: Array
 
+    @property
+    def hard(self) -> list[int]:
+        """Which rows have no slack, by number."""
+        numbers: list[int] = (~self.of_slacks.any(axis=1)).nonzero()[0].tolist()
+        return numbers
+
     @cached_property
     def _kinds(self) -> Array:
         return np.array([~self.rescues, self.rescues], dtype=float)
@@ -106,14 +112,16 @@ def reading(data: dict[str, ca.SX], x: ca.SX, y: ca.SX, layout: Layout) -> dict[
 
     `residual`: of the KKT conditions 2 x + q + A'y = 0 and A x = (A x + y, cut to the bounds), which is all that they
     ask of rows and multipliers; over 1 + |x|, and of a row over the distance between its bounds where that is smaller.
-    inf where the data are not valid. `margin` (k,): to a row's nearer bound, over the row's norm; `row_margin`: in the
-    row's own units. `multiplier` (k,): by how much the minimum falls as the bound is moved, per unit of the row.
+    At least what `broken` says of the hard rows; inf where the data are not valid. `margin` (k,): to a row's nearer
+    bound, over the row's norm; `row_margin`: in the row's own units. `multiplier` (k,): by how much the minimum falls as
+    the bound is moved, per unit of the row.
     """
     A, lower, upper, size = ca.project(data["A"], layout.of_A), data["lower"], data["upper"], 1 + ca.norm_2(x)
     value, gradient = A @ x, 2 * x + data["q"] + A.T @ y
     rows = value - ca.fmin(ca.fmax(value + y, lower), upper)
     widths = ca.fmin(ca.fmax(upper - lower, CLOSEST * size), size)
     residual = ca.sqrt(ca.sumsqr(gradient / size) + ca.sumsqr(rows / widths))
+    residual = ca.fmax(residual, broken(value, lower, upper, layout))
     rooted, slacks = ca.vertsplit(x, [0, layout.inputs, x.numel()])
     mu, slack = data["unroot"] @ rooted, data["slack_scale"] * (layout.of_slacks @ slacks)
     return {
@@ -128,6 +136,20 @@ def reading(data: dict[str, ca.SX], x: ca.SX, y: ca.SX, layout: Layout) -> dict[
         "x": x,
         "y": y,
     }
+
+
+def broken(value: ca.SX, lower: ca.SX, upper: ca.SX, layout: Layout) -> ca.SX:
+    """By how much an answer breaks the hard rows at most, of rows whose `value` is A x: 0 where it keeps them.
+
+    Each by its own scale, whatever the slacks of the others: over the distance between its bounds, and over 1 + |bound|
+    where there is one bound. Bounds that are closer than `CLOSEST` times this count as so far apart.
+    """
+    if not layout.hard:
+        return ca.SX(0)
+    value, lower, upper = (each[layout.hard] for each in (value, lower, upper))
+    size, has_both = 1 + ca.fmin(ca.fabs(lower), ca.fabs(upper)), ca.fmax(-lower, upper) < UNBOUNDED
+    widths = ca.if_else(has_both, ca.fmax(upper - lower, CLOSEST * size), size)
+    return ca.fmax(0, ca.mmax(ca.fmax(value - upper, lower - value) / widths))
 
 
 def polished(data: dict[str, ca.SX], x: ca.SX, y: ca.SX, layout: Layout) -> tuple[ca.SX, ca.SX]:

@@ -43,6 +43,7 @@ def optimality(mu: Any, slack: Any, A: Any, upper: Any, center: Any, R: Any) -> 
     of_slack = 2 * weight * slack  # each is the multiplier of its row, over |A_i|
     assert (A @ mu - size * slack <= upper + 1e-5).all()
     assert (of_slack[A @ mu - size * slack < upper - 1e-4] < 1e-3).all()
+    assert np.abs(mu).max() <= LIMIT * (1 + 2 * TOLERANCE)
     gradient = 2 * R.T @ (R @ mu - center) + A.T @ (of_slack / size)
     gradient[(mu > LIMIT - 1e-6) & (gradient < 0)] = 0
     gradient[(mu < -LIMIT + 1e-6) & (gradient > 0)] = 0
@@ -108,6 +109,50 @@ def test_an_answer_that_is_wrong_is_not_solved(monkeypatch: pytest.MonkeyPatch) 
     guarded = answering(*data)
     assert (right.solver, guarded.solver, answering.unanswered) == ("osqp", "daqp", 1)
     assert guarded.mu == pytest.approx(right.mu, abs=1e-6)
+
+
+@pytest.mark.parametrize("solver", ["daqp", "osqp"])
+def test_beside_huge_slacks_an_answer_keeps_the_hard_rows_by_their_own_scale(solver: str) -> None:
+    """Rows, bounds and weights over many decades: the slacks are up to 1e18 times as large as what the limit allows."""
+    A, upper, weight = ca.SX.sym("A", SOFT, M), ca.SX.sym("upper", SOFT), ca.SX.sym("weight", SOFT)
+    C, b, center = ca.SX.sym("C", M, M), ca.SX.sym("b", M), ca.SX.sym("center", M)
+    side, least = ca.SX.sym("side", 1, M), ca.SX.sym("least")
+    blocks = [at_most((f"soft{i}",), A[i, :], upper[i], weight[i]) for i in range(SOFT)]
+    blocks += [at_least(("side",), side, least, HARD), Rows(("u1", "u2", "u3"), C, -LIMIT - b, LIMIT - b)]
+    layout, data = build_qp(blocks, Affine(ca.SX.eye(M), -center), Affine(C, b))
+    inputs = {"A": A, "upper": upper, "weight": weight, "C": C, "b": b, "center": center, "side": side, "least": least}
+    answering, rng, largest = Answering(inputs, data, layout, solver), np.random.default_rng(11), []
+
+    def scaled(low: float, high: float, *shape: int) -> Any:
+        """Normal numbers, or rows of them, each of another decade."""
+        return rng.normal(size=shape) * 10 ** rng.uniform(low, high, (*shape[:1], *[1] * (len(shape) - 1)))
+
+    for _ in range(1000):
+        soft = scaled(-6, 6, SOFT, M), scaled(-6, 12, SOFT), 10 ** rng.uniform(-6, 10, SOFT)
+        control = rng.normal(size=(M, M)) * 10 ** rng.uniform(-3, 3), scaled(-3, 2, M)
+        bound = -np.abs(scaled(-3, 3, 1))
+        data = (*soft, *control, scaled(-3, 6, M), scaled(-3, 3, 1, M), bound)
+        if (decided := answering(*data)).solved:
+            assert np.abs(decided.u).max() <= LIMIT * (1 + 2 * TOLERANCE) + 1e-12 * np.abs(control[1]).max()
+            size = np.linalg.norm(data[-2])
+            assert data[-2] @ decided.mu - bound >= -TOLERANCE * (size + np.abs(bound)) * (1 + 1e-6)
+            largest.append(np.abs(decided.values.x).max())
+    assert len(largest) > 400
+    assert np.quantile(largest, 0.75) > 1e6
+
+
+def test_what_nobody_answers_counts_as_unanswered() -> None:
+    """The data are not valid, or the rows are in conflict."""
+    one, low = ca.SX.ones(1, 1), ca.SX.sym("low")
+    rows = [at_least(("low",), one, low, HARD), at_most(("high",), one, ca.SX(1), HARD)]
+    layout, data = build_qp(rows, None, Affine.identity(1))
+    for solver in ("daqp", "osqp"):
+        answering = Answering({"low": low}, data, layout, solver)
+        assert answering(np.array([0.5])).is_by(solver)
+        for number, value in enumerate([np.nan, np.inf, 2.0], start=1):
+            decided = answering(np.array([value]))
+            assert not any(decided.is_by(each) for each in ("daqp", "osqp"))
+            assert answering.unanswered == number
 
 
 @pytest.mark.parametrize("solver", ["daqp", "osqp"])

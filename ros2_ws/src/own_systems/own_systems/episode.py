@@ -47,7 +47,10 @@ class Moment:
 
 @dataclass
 class Ride:
-    """An episode: its moments; `outcome` is done, failed, or no answer; `impacts`: how many there were."""
+    """An episode: its moments; `outcome` is done, failed, or no answer; `impacts`: how many there were.
+
+    `last`: state x (n,) and the model's parameters p (k,) after the last tick, which no controller sees; None: not known.
+    """
 
     task: ControlTask
     controller: str
@@ -55,6 +58,7 @@ class Ride:
     moments: list[Moment] = field(default_factory=list)
     outcome: str = "done"
     impacts: int = 0
+    last: tuple[Array, Array] | None = None
 
     @property
     def title(self) -> str:
@@ -67,11 +71,18 @@ class Ride:
         return any(moment.decided is not None for moment in self.moments)
 
     @property
+    def barriers(self) -> Array:
+        """Of each state, that after the last tick too, a row of the values of B, each in its unit."""
+        last = [] if self.last is None else [self.task.tick.look(*self.last).barriers]
+        return np.array([*(each.barriers for each in self.moments), *last])
+
+    @property
     def margins(self) -> Array:
-        """Of each barrier over the ride, in its unit; -inf after a failure."""
+        """Of each barrier over the ride; -inf after a failure."""
         if self.outcome != "done":
             return np.full(len(self.task.barriers), -np.inf)
-        return np.array([each.barriers for each in self.moments]).min(axis=0)
+        least: Array = self.barriers.min(axis=0)
+        return least
 
     @property
     def is_kept(self) -> bool:
@@ -169,6 +180,7 @@ class Rider:
             outcome = task.outcome(moved, true, k, impacts)
             if ride:
                 ride.outcome, ride.impacts = outcome, impacts
+                ride.last = x, task.parameters_at({}, commands(k * task.seconds))
 
     def begin(self, controlling: Controlling) -> None:
         """The first tick of an episode comes next."""

@@ -83,7 +83,7 @@ def controller_fields(task: ControlTask, moment: Moment, version: str) -> dict[s
         "saturated": task.limit is not None and bool(np.abs(moment.u).max() >= task.limit),
         "solver": decided.solver,
         "status": decided.status[:64],
-        "answered": decided.solver == task.tick.answer.solver,
+        "answered": decided.is_by(task.tick.answer.solver),
         "solve_seconds": decided.seconds,
         "fault": "" if decided.solved else f"no solver answered: {decided.status}"[:128],
     }

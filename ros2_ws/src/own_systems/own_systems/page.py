@@ -115,13 +115,13 @@ def ended_of(ride: Ride) -> dict[str, Any]:
     if not ride.moments:
         return how
     sentences = [f"{ride.controller}: {ride.outcome}"]
-    values = np.array([moment.barriers for moment in ride.moments])
+    values = ride.barriers
     for barrier, of in zip(ride.task.barriers, values.T, strict=True):
         least, tick = float(of.min()), int(of.argmin())
         word = "kept" if least >= -ride.task.tolerance else "broken"
-        sentences.append(f"{barrier.name} {word}, at least {least:.3g} at {ride.moments[tick].time:.2f} s")
-    worst = int(values.min(axis=1).argmin()) if values.size else len(ride.moments) - 1
-    return {**how, "reason": "; ".join(sentences) + ".", "tick": worst}
+        sentences.append(f"{barrier.name} {word}, at least {least:.3g} at {tick * ride.task.seconds:.2f} s")
+    worst, newest = int(values.min(axis=1).argmin()) if values.size else len(ride.moments), len(ride.moments) - 1
+    return {**how, "reason": "; ".join(sentences) + ".", "tick": min(worst, newest)}
 
 
 def explained(ride: Ride, tick: int) -> tuple[Explanation, list[str]]:

@@ -71,6 +71,11 @@ def write_ride(ride: Ride, path: Path, policy: ActorPolicy | None) -> None:
         if moment.decided is not None:
             add("learner_terms", k, **fields.terms_fields(task, moment))
         applied = moment.u
+    if ride.last is not None and np.isfinite(ride.last[0]).all():
+        x, p = ride.last
+        add("parameters", len(ride.moments), **fields.parameter_fields(task, p))
+        state = fields.state_fields(task, x, applied, ride.impacts)
+        add("state", len(ride.moments), **{**state, "running": False})
     add("episode", len(ride.moments), phase=ENDED, outcome=ride.outcome, touchdowns=ride.impacts, **episode)
     bag.close()
 
@@ -165,16 +170,21 @@ def differing(task: ControlTask, path: Path) -> tuple[int, list[int], float]:
 
 def recorded_ride(task: ControlTask, path: Path, number: int | None = None) -> Ride:
     """Episode `number`, or the last one that has ticks, with its recorded inputs; raises `RecordingError`."""
-    ride, newest = None, None
+    ride, newest, after = None, None, 0
     for tick, moment in replayed(task, path):
         if number in (None, tick.episode):
             if ride is None or tick.episode != newest:
                 ride, newest = Ride(task, tick.by, 0), tick.episode
+            after = tick.tick + 1
             ride.moments.append(replace(moment, u=tick.u, impacts=tick.impacts))
     if ride is None:
         raise RecordingError(f"recording {path}: no tick of episode {number} in it")
     said = next(each for each in iterate_inventories(path) if each.number == newest)
     ride.seed, ride.outcome, ride.impacts = said.seed, said.outcome or "not recorded to its end", said.touchdowns
+    heard = {name: m for name, m in messages(path, "state", "parameters") if (m.episode, m.tick) == (newest, after)}
+    if len(heard) == 2:
+        with one_line_errors(path, f"tick {after}"):
+            ride.last = fields.state_of(task, heard["state"]), fields.parameters_of(task, heard["parameters"])
     return ride
 
 

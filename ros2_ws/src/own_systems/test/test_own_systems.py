@@ -18,6 +18,7 @@ from own_systems import ControlTask, TaskError, recording
 from own_systems.commands.system import app
 from own_systems.episode import Rider
 from own_systems.loading import load_task
+from own_systems.page import ended_of
 from own_systems.recording import differing, recorded_ride, write_ride
 from own_systems.training import measured_problem, train, write
 from rabbit_recording import RecordingError
@@ -78,6 +79,19 @@ def test_a_controller_of_ones_own_is_cut_to_the_limit_and_needs_no_qp(task):
     ride = Rider(own).ride("bang", 1)
     assert {m.u[0] for m in ride.moments} == {LIMIT}
     assert ride.moments[-1].x[1] == pytest.approx(LIMIT / 2.0 * (task.duration - task.seconds))
+
+
+def test_the_state_after_the_last_tick_counts(task, tmp_path):
+    """From rest under 20 N a cart of 2 kg is at 5 t^2: before the wall as the last tick begins, beyond as it ends."""
+    own = replace(task, controllers={"bang": lambda x, p: [100.0]}, start=((0.0, 0.0), (0.0, 0.0)), duration=0.45)
+    ride = Rider(own).ride("bang", 1)
+    assert ride.moments[-1].barriers[0] == pytest.approx(1 - 5 * 0.44**2)
+    write_ride(ride, tmp_path / "bag", None)
+    for each in (ride, recorded_ride(own, tmp_path / "bag")):
+        assert each.outcome == "done"
+        assert each.margins == pytest.approx([1 - 5 * 0.45**2])
+        assert not each.is_kept
+        assert "wall broken, at least -0.0125 at 0.45 s" in ended_of(each)["reason"]
 
 
 def test_an_episode_that_fails_ends_there(task):

@@ -367,7 +367,7 @@ class Controller:
             multipliers=values.multiplier,
             solver=decided.solver,
             status=decided.status,
-            answered=decided.solver == self.parameters.qp_solver,
+            answered=decided.is_by(self.parameters.qp_solver),
             solve_seconds=decided.seconds,
             objective=self.parameters.objective,
             adaptation=self.parameters.adaptation,

@@ -38,8 +38,8 @@ class ControllerOutput:
     `observation` (14,), on stones (15,), there with a gait library (16,); `LgV` (4,); `clf_slack`, `rescue_slack`: the
     paper's d, the sum of the slacks of last resort; `rows` names the QP's rows, each with what it leaves at the answer
     (`margins`), its slack, as `decided.slack`, and its multiplier; `active` names those that hold with equality;
-    `answered` is False where the guard solver had to answer; `fault` is empty, or why the episode must end;
-    `objective`, `adaptation` name what was minimised and adapted; `identified` (18,) is the robot as in
+    `answered` is False where the guard solver had to answer, or none could; `fault` is empty, or why the episode must
+    end; `objective`, `adaptation` name what was minimised and adapted; `identified` (18,) is the robot as in
     `identified_robot.KNOWN`, `adapted` (5n + 20,) its part of the estimates, as in `flat`; both (0,) without
     adaptation.
     """
