@@ -131,7 +131,9 @@ class Found:
 
     def walks(self, line: Line, column: Column | None = None) -> Walks:
         """The runs of a line on a plant."""
-        return Walks([self.result(job).row for job in line.scenario(self.size, column or self.column).walks])
+        scenario = line.scenario(self.size, column or self.column)
+        rows = [self.result(job).row for job in scenario.walks]
+        return Walks(rows, scenario.assembly.simulation.stones)
 
     def records(self, line: Line) -> WalkRecords:
         """All ticks of a line's first run, on the main plant."""

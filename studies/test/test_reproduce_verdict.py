@@ -1,5 +1,8 @@
 """Verdicts, and which payload is the largest."""
 
+import csv
+import re
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -59,8 +62,21 @@ def test_deviation_and_interval_of_two() -> None:
     """Of 2 and 4: deviation sqrt(2), standard error 1, Student's t of one degree of freedom 12.706."""
     runs = walks(2, 4)
     assert runs.std_stones == pytest.approx(2**0.5)
-    assert runs.stones_interval == pytest.approx((3 - 12.7062, 3 + 12.7062), abs=1e-3)
+    assert runs.stones_interval == pytest.approx((0, 3 + 12.7062), abs=1e-3)  # and not 3 - 12.7062
+    assert Walks(runs.rows, course=20).stones_interval == pytest.approx((0, 3 + 12.7062), abs=1e-3)
+    assert Walks(runs.rows, course=4).stones_interval == (0, 4)
     assert (walks(2).std_stones, walks(2).stones_interval) == (None, None)
+
+
+def test_the_shipped_intervals_of_means_lie_on_their_courses() -> None:
+    found = 0
+    for path in (Path(__file__).parents[1] / "docs" / "reproduced").glob("*/runs.csv"):
+        for row in csv.DictReader(path.read_text(encoding="utf-8").splitlines()):
+            stones = re.search(r"--stones (\d+)", row["command"])
+            if row["mean_low95"]:
+                found += 1
+                assert 0 <= float(row["mean_low95"]) <= float(row["mean_high95"]) <= float(stones[1] if stones else 20)
+    assert found > 1000
 
 
 def test_largest_value_and_largest_without_a_hole() -> None:

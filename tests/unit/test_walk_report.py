@@ -1,14 +1,23 @@
 """What is said of a walk."""
 
+import math
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from rabbit_bringup.commands.walk import figures_of
 from rabbit_bringup.launching.walk import WalkOptions, WalkSettings
 from rabbit_bringup.launching.walk_report import carry_out
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
+
+
+def test_the_bar_says_what_is_known() -> None:
+    """Between episodes and in the air there is no force ratio; before a controller is heard, no slack."""
+    now = SimpleNamespace(margin=0.012, barriers={"B1": 0.1, "pitch": 0.25}, slack=1.5, ratio=math.nan)
+    assert figures_of(now) == "margin 12 mm, pitch 0.250, slack 1.50"
+    assert figures_of(SimpleNamespace(margin=math.nan, barriers={}, slack=math.nan, ratio=0.4)) == "force ratio 0.40"
 
 
 @pytest.mark.parametrize(("refused", "ending"), [("", ""), ("/b 2", "; torques of /b 2 were refused")])

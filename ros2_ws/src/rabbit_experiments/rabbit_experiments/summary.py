@@ -19,9 +19,10 @@ ENOUGH = 0.9  # share of runs from which something "walks"
 
 @dataclass(frozen=True)
 class Walks:
-    """Rows of runs, one at least, and the figures over them."""
+    """Rows of runs, one at least, and the figures over them; `course`: stones or steps of each, inf where unknown."""
 
     rows: Sequence[RunRow]
+    course: float = math.inf
 
     @property
     def runs(self) -> int:
@@ -65,8 +66,8 @@ class Walks:
 
     @property
     def stones_interval(self) -> tuple[float, float] | None:
-        """Student's 95% interval of the mean; None of one run."""
-        return mean_interval(self.stones)
+        """Student's 95% interval of the mean, within the course; None of one run."""
+        return mean_interval(self.stones, 0.0, self.course)
 
     @property
     def max_ratio(self) -> float:
@@ -105,9 +106,9 @@ class Walks:
         return f"{self.rate_text}, {self.mean_stones:.1f}"
 
 
-def summarise(results: Sequence[RunResult], qp_solver: str) -> dict[str, Any]:
-    """The figures of summary.json."""
-    walks = Walks([result.row for result in results])
+def summarise(results: Sequence[RunResult], qp_solver: str, course: float = math.inf) -> dict[str, Any]:
+    """The figures of summary.json; `course`: stones or steps of each run."""
+    walks = Walks([result.row for result in results], course)
     ticks = max(walks.total("ticks"), 1)
     return {
         "runs": walks.runs,
@@ -120,7 +121,7 @@ def summarise(results: Sequence[RunResult], qp_solver: str) -> dict[str, Any]:
         "falls": walks.falls,
         **walks.over_all,
         "qp_solver": qp_solver,
-        "qp_solver_share": 1 - walks.total("qp_unanswered_ticks") / ticks,
+        "qp_solver_share": 1 - walks.total("qp_unanswered_ticks") / ticks if walks.total("ticks") else None,
         "active_share": {name: walks.total(f"active_{name}") / ticks for name in ROWS},
         "barrier_active_step_share": walks.total("barrier_active_steps") / max(walks.total("steps"), 1),
         "rms_y": walks.rms("rms_y"),
@@ -147,9 +148,14 @@ def wilson(successes: int, runs: int) -> tuple[float, float]:
     return float(interval.low), float(interval.high)
 
 
-def mean_interval(values: NDArray[np.float64]) -> tuple[float, float] | None:
-    """Student's 95% interval of a mean; None of a single value."""
+def mean_interval(
+    values: NDArray[np.float64], low: float = -math.inf, high: float = math.inf
+) -> tuple[float, float] | None:
+    """Student's 95% interval of a mean, as far as a mean of values between `low` and `high` can lie in it.
+
+    So it holds the mean as often as before. None of a single value.
+    """
     if len(values) < 2:
         return None
-    half = float(stats.t.ppf(0.975, len(values) - 1) * values.std(ddof=1)) / math.sqrt(len(values))
-    return float(values.mean()) - half, float(values.mean()) + half
+    mean, half = values.mean(), stats.t.ppf(0.975, len(values) - 1) * values.std(ddof=1) / math.sqrt(len(values))
+    return float(max(low, mean - half)), float(min(high, mean + half))

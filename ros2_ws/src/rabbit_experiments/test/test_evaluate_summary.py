@@ -36,6 +36,20 @@ def test_interval_of_the_mean_of_two_values() -> None:
     assert mean_interval(np.array([4.0])) is None
 
 
+@pytest.mark.parametrize("runs", [2, 3, 5, 20])
+def test_the_mean_of_counts_lies_where_a_mean_of_them_can(runs: int) -> None:
+    """Of 0 to 20 stones, most runs at the end: the interval is cut, and misses the true mean no more often."""
+    rng, cut = np.random.default_rng(4), 0
+    for _ in range(200):
+        stones = np.where(rng.random(runs) < 0.6, 20, rng.integers(0, 21, runs)).astype(float)  # 16 in the mean
+        low, high = mean_interval(stones, 0, 20) or (math.nan, math.nan)
+        whole = mean_interval(stones) or (math.nan, math.nan)
+        assert 0 <= low <= stones.mean() <= high <= 20
+        assert (low <= 16 <= high) == (whole[0] <= 16 <= whole[1])
+        cut += (low, high) != whole
+    assert cut > 10
+
+
 def test_summary_counts() -> None:
     runs = [
         result(0),

@@ -92,7 +92,7 @@ class BatchSimulation:
             states.q[n], states.dq[n] = path[:, -1, :DOF], path[:, -1, DOF:]
             states.contact[n] = sensed.min(axis=1)[:, PRESSING] < -CONTACT_FORCE
             forces = sensed.sum(axis=1)[:, IN_THE_PLANE].reshape(-1, 2, 2)
-            states.foot_force[n] = self.true_force[n] = forces / -SUBSTEPS
+            states.foot_force[n] = self.true_force[n] = forces / -SUBSTEPS + 0.0  # no -0.0, as alone
             special = self._may_land(path) | self._is_doubtful()[n] | self._draws_noise[n]
             for row in special.nonzero()[0].tolist():
                 i = self._numbers[row]

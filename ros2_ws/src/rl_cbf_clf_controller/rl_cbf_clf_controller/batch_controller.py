@@ -6,7 +6,8 @@ State, outputs, rows, QP, policy and torque are computed for all robots together
 estimator that learns within the walk or knows its plant (the identified robot, L1, an oracle), goes robot by robot.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,7 +22,7 @@ from rl_cbf_clf_controller.controller import NO_TORQUE, ROUNDING, Controller
 from rl_cbf_clf_controller.controller_output import Acted, ControllerOutput, flat
 from rl_cbf_clf_controller.policy import LearnedPolicy, Policy
 from rl_cbf_clf_controller.residual_policy import Memory, ResidualPolicy
-from rl_cbf_clf_controller.scene import ControllerError, Scene
+from rl_cbf_clf_controller.scene import ControllerError, Estimator, Scene
 
 
 @dataclass
@@ -33,6 +34,15 @@ class BatchScene(Scene):
 
     errors: dict[int, str]
     faults: dict[int, str]
+
+
+@contextmanager
+def refusing(errors: dict[int, str], i: int) -> Iterator[None]:
+    """What a controller of its own would raise becomes the first error of robot `i`; the others go on."""
+    try:
+        yield
+    except (ControllerError, np.linalg.LinAlgError) as error:
+        errors.setdefault(i, f"controller error: {error}")
 
 
 @dataclass(frozen=True)
@@ -78,7 +88,7 @@ class BatchController:
         self._look, self._with_daqp = BatchFunction(controller._look), batch_with_daqp(controller._answer)
         self._stance = np.zeros(n, dtype=int)
         self._orders: dict[int, Array] = {}  # of the columns, by their number, for the legs that stand
-        self._checked = np.full((n, 3), np.nan)  # stones
+        self._checked: list[Any] = [None] * n  # preview and touchdowns, of each robot
         self._torque, self._held = np.tile(NO_TORQUE, (n, 1)), np.zeros((n, JOINTS))
         self._path = np.array([each.constraints.row for each in self._steps])
         self._p = np.tile(controller._p, (n, 1))
@@ -132,16 +142,18 @@ class BatchController:
         x = np.concatenate([self._by_stance(q, SWAP_STATE), self._by_stance(dq, SWAP_STATE)], axis=1)
         p, places, parameters = self._p, self._one._places, self._one.parameters
         for i, step in enumerate(self._steps):
-            if not step.has_begun:
-                step.begin(x[i], states.previews[i], p[i], places)
-                self._path[i] = step.constraints.row
+            if not step.has_begun and i not in errors:
+                with refusing(errors, i):
+                    step.begin(x[i], states.previews[i], p[i], places)
+                    self._path[i] = step.constraints.row
         force = np.where(self._stance[:, None, None], states.foot_force[:, ::-1], states.foot_force)
         p[:, places["force"]], p[:, places["held"]] = force[:, 0], self._by_stance(self._held, SWAP_TORQUE)
-        stones, sees_stone = states.stones, ~np.isnan(states.stones[:, :1])
-        if parameters.stone_tracking and parameters.terrain == "stones":
-            stand = zip(self._steps, x, force[:, 0, 1].tolist(), strict=True)
-            stones = stones - np.array([step.moved(*where) for step, *where in stand])[:, (0, 0, 1)]
-        np.copyto(p[:, self._one._stone], stones, where=sees_stone)
+        if parameters.terrain == "stones":
+            stones, sees_stone = states.stones, ~np.isnan(states.stones[:, :1])
+            if parameters.stone_tracking:
+                stand = zip(self._steps, x, force[:, 0, 1].tolist(), strict=True)
+                stones = stones - np.array([step.moved(*where) for step, *where in stand])[:, (0, 0, 1)]
+            np.copyto(p[:, self._one._stone], stones, where=sees_stone)
         if self._robots:
             self._left[self._robots.tune(p, places, parameters)] = np.nan
             if parameters.prediction:
@@ -172,7 +184,9 @@ class BatchController:
         if self._residual:
             parts[0] = self._residual.of_many(self._memory, scene, total)
             total = total + parts[0]
-        self._one.check_estimates(total)
+        for i in range(len(scene.x)) if total.output_error is None else ():
+            with refusing(scene.errors, i):
+                self._one.check_estimates(total)
         error = np.zeros((len(scene.x), *self._no_output_error)) if total.output_error is None else total.output_error
         decided = answers(self._answers, self._with_daqp, scene.seen.prepared, total.alpha, total.beta, error)
         output = self._output(scene, decided, total, parts)
@@ -189,17 +203,24 @@ class BatchController:
             given = policy.act_of_many(scene.observation, scene.seen.LgV)
         elif given is None:
             nothing = self._one.qp.no_error()
-            given = Estimates.of_many([each.estimate(scene[i], nothing) for i, each in enumerate(self.policies)])
+            given = self._each(self.policies, scene, [nothing] * n)
         parts, total = [given], self._none + given
         if self._robots:
             of_scene = scene.tick, scene.x, scene.seen.p, scene.force, scene.torque
             parts.append(self._robots.estimate(*of_scene))
             total = total + parts[-1]
         for estimators in zip(*self._estimators, strict=True):  # of all robots
-            found = [each.estimate(scene[i], total[i]) for i, each in enumerate(estimators)]
-            parts.append(Estimates.of_many(found))
+            parts.append(self._each(estimators, scene, total))
             total = total + parts[-1]
         return parts, total
+
+    def _each(self, estimators: Sequence[Estimator], scene: BatchScene, before: Any) -> Estimates:
+        """Of one estimator of each robot; nothing, of a robot whose estimator refuses its scene."""
+        found = [self._one.qp.no_error()] * len(estimators)
+        for i, estimator in enumerate(estimators):
+            with refusing(scene.errors, i):
+                found[i] = estimator.estimate(scene[i], before[i])
+        return Estimates.of_many(found)
 
     def _output(self, scene: BatchScene, decided: Decided, total: Estimates, parts: list[Estimates]) -> BatchOutput:
         parameters, values, n = self._one.parameters, decided.values, len(scene.x)
@@ -208,7 +229,7 @@ class BatchController:
         for i in (~decided.solved).nonzero()[0].tolist():
             faults.setdefault(i, f"no solver answered: {decided.status[i]}")
             mu_qp[i] = 0.0
-            wanted[i] = a[i] @ mu_qp[i] + b[i]
+            wanted[i] = b[i]
         mu = mu_qp
         if parameters.sigma > 0:
             omega = parameters.sigma * np.array([step.rng.standard_normal(JOINTS) for step in self._steps])
@@ -220,7 +241,8 @@ class BatchController:
         if saturated.any():
             mu = mu.copy()
             for i in saturated.nonzero()[0].tolist():
-                mu[i] = np.linalg.solve(a[i], torque[i] - b[i])
+                with refusing(scene.errors, i):
+                    mu[i] = np.linalg.solve(a[i], torque[i] - b[i])
         self._torque = torque
         known = (self._robots.shown, [flat(parts[1][i]) for i in range(n)]) if self._robots else ()
         torque = self._by_stance(torque, SWAP_TORQUE)
@@ -238,15 +260,14 @@ class BatchController:
 
     def _refused(self, states: RobotStates) -> dict[int, str]:
         """What `Controller` refuses, by robot."""
-        refused, unsure = {}, ~(np.isfinite(states.q.sum(axis=1)) & np.isfinite(states.dq.sum(axis=1)))
+        refused, unsure = dict[int, str](), ~(np.isfinite(states.q.sum(axis=1)) & np.isfinite(states.dq.sum(axis=1)))
+        now = list(zip(states.previews, states.touchdowns.tolist(), strict=True))
         if self._one.parameters.terrain == "stones":
-            unsure |= (states.stones != self._checked).any(axis=1)
+            unsure |= [seen != checked for seen, checked in zip(now, self._checked, strict=True)]
         for i in unsure.nonzero()[0].tolist():
-            try:
+            with refusing(refused, i):
                 self._one._check(states[i])
-                self._checked[i] = states.stones[i]
-            except ControllerError as error:
-                refused[i] = f"controller error: {error}"
+                self._checked[i] = now[i]
         return refused
 
     def _swap_legs(self, states: RobotStates, q: Array) -> None:

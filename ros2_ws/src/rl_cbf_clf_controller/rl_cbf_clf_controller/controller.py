@@ -273,7 +273,7 @@ class Controller:
         x, force, held = self._by_stance(state), state.foot_force, self._held
         if step.stance is Leg.RIGHT:
             force, held = force[::-1], held[SWAP_TORQUE]
-        if stone is not None:
+        if stone is not None and self.parameters.terrain == "stones":  # on flat ground nobody has checked it
             along, up = step.moved(x, float(force[0, 1])).tolist() if self.parameters.stone_tracking else (0.0, 0.0)
             p[self._stone] = stone.l_min - along, stone.l_max - along, stone.height - up
         if self._robot:

@@ -4,6 +4,7 @@ import csv
 import json
 from collections import Counter
 from functools import partial
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -73,7 +74,8 @@ def summarise(task: "ControlTask", rides: "Sequence[Ride]") -> dict[str, Any]:
         found["barriers"][name] = figures
     if task.impact:
         counts = np.array([float(ride.impacts) for ride in rides])
-        found["impacts"] = {"mean": float(counts.mean()), "mean_ci95": mean_interval(counts)}
+        ends = mean_interval(counts, 0.0, inf if task.impacts is None else task.impacts)
+        found["impacts"] = {"mean": float(counts.mean()), "mean_ci95": ends}
     return found | {"outcomes": dict(Counter(ride.outcome for ride in rides))}
 
 

@@ -106,19 +106,25 @@ def make_folder(request: WalkOptions) -> Path:
 def walk_with_progress(walk: WalkSettings, ended: Callable[[Any], None]) -> Any:
     """Walk under a bar that says how it goes; returns the monitor."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-    from rl_cbf_clf_controller.message_fields import STONE_BARRIERS
 
     from rabbit_bringup.ros.walking import walk_through
 
     def show(now: Any) -> None:
         episode = f"episode {now.episode}, " if walk.options.episodes > 1 else ""
-        kept = [f"margin {now.margin * 1e3:.0f} mm"] if isfinite(now.margin) else []
-        kept += [f"{name} {B:.3f}" for name, B in now.barriers.items() if name not in STONE_BARRIERS]
-        text = ", ".join([*kept, f"slack {now.slack:.2f}", f"force ratio {now.ratio:.2f}"])
         description = f"{episode}stone {now.stone} of {now.stones},"
-        bar.update(task, description=description, total=now.stones, completed=now.stone, text=text)
+        bar.update(task, description=description, total=now.stones, completed=now.stone, text=figures_of(now))
 
     said = TextColumn("{task.description} {task.fields[text]}")
     with Progress(BarColumn(bar_width=12), said, TimeElapsedColumn()) as bar:
         task = bar.add_task("starting", total=None, text=" ".join(walk.names))
         return walk_through(walk, ended, show)
+
+
+def figures_of(now: Any) -> str:
+    """What a `Progress` says beside its stones: of its figures those that are known."""
+    from rl_cbf_clf_controller.message_fields import STONE_BARRIERS
+
+    figures = [(f"margin {now.margin * 1e3:.0f} mm", now.margin)]
+    figures += [(f"{name} {B:.3f}", B) for name, B in now.barriers.items() if name not in STONE_BARRIERS]
+    figures += [(f"slack {now.slack:.2f}", now.slack), (f"force ratio {now.ratio:.2f}", now.ratio)]
+    return ", ".join(text for text, value in figures if isfinite(value))

@@ -131,8 +131,9 @@ def conclude(scenario: Any, folder: Any, results: list[Any], about: dict[str, An
     from rabbit_experiments.results import SUMMARY
     from rabbit_experiments.summary import summarise
 
-    figures = summarise(results, scenario.assembly.controller.qp_solver)
-    summary = {"runs": scenario.runs, "stones": scenario.assembly.simulation.stones, **figures, **about}
+    stones = scenario.assembly.simulation.stones
+    figures = summarise(results, scenario.assembly.controller.qp_solver, stones)
+    summary = {"runs": scenario.runs, "stones": stones, **figures, **about}
     folder.write(SUMMARY, summary)
     return summary
 
