@@ -27,18 +27,35 @@ def test_a_bent_leg_is_a_turned_hip(bend):
     assert nominal.swing == pytest.approx(true.swing, abs=1.6 * bend**2 + 1e-12)
 
 
+def found_after(steps, offsets, foot_velocity):
+    """What is known after so many random states of a robot with these offsets, whose foot moves so at step k."""
+    model, rng = PinocchioModel(), np.random.default_rng(2)
+    shapes = {name: (*np.shape(value), 1)[:2] for name, value in UNKNOWN.items()}
+    shapes |= {"x": (14, 1), "ticks": (1, 1), "noise": (1, 1), "joints": (4, 2), "feet": (2, 2)}
+    s = {name: ca.SX.sym(name, *shape) for name, shape in shapes.items()}
+    given = [s[name] for name in ("x", "ticks", "noise", "joints", "feet")]
+    step, robot, known = NumpyFunction.of("calibrated", s, calibrated(s, *given)), read_robot(), list(UNKNOWN.values())
+    for k in range(steps):
+        q, dq = random_state(rng)
+        dq[:2] = model.update(q, dq).hip_rate + (0.0, foot_velocity(k))
+        x = np.concatenate([q + OFFSETS @ (offsets - known[0]), dq])
+        after = step(*known, x, np.array([k + 1.0]), np.zeros(1), robot.joints, robot.feet)
+        known = [getattr(after, name) for name in UNKNOWN]
+    return dict(zip(UNKNOWN, known, strict=True))
+
+
 @pytest.mark.parametrize("offset", [0.05, -0.03, 0.0])
 def test_the_offset_is_found_while_the_foot_stands(offset):
-    model, rng = PinocchioModel(), np.random.default_rng(2)
-    shapes = {"offsets": (2, 1), "offset_covariance": (2, 2), "x": (14, 1), "joints": (4, 2), "feet": (2, 2)}
-    s = {name: ca.SX.sym(name, *shape) for name, shape in shapes.items()}
-    step, robot = NumpyFunction.of("calibrated", s, calibrated(s, s["x"], s["joints"], s["feet"])), read_robot()
-    offsets, found, covariance = np.array([offset, 0.0]), *UNKNOWN.values()
-    for _ in range(200):
-        q, dq = random_state(rng)
-        feet = model.update(q, dq)
-        dq[:2] = feet.hip_rate  # so that the true foot stands
-        x = np.concatenate([q + OFFSETS @ (offsets - found), dq])
-        after = step(found, covariance, x, robot.joints, robot.feet)
-        found, covariance = after.offsets, after.offset_covariance
-    assert found == pytest.approx(offsets, abs=1e-3)
+    found = found_after(200, np.array([offset, 0.0]), lambda k: 0.0)
+    assert found["offsets"] == pytest.approx([offset, 0.0], abs=1e-3)
+    assert found["stands"] == 1.0
+
+
+@pytest.mark.parametrize("steps", [6, 200])
+def test_a_foot_that_sinks_is_no_offset(steps):
+    """700 N on ground of 5e4 N/m and 2e3 N s/m, of which a new step loads another spot each 40 ticks."""
+    stiffness, damping, load = 5e4, 2e3, 700.0
+    found = found_after(steps, np.zeros(2), lambda k: -load / damping * np.exp(-stiffness / damping * 0.01 * (k % 40)))
+    assert found["stands"] == 0.0
+    assert np.all(found["offsets"] == 0.0)
+    assert np.abs(found["offset_fit"]).max() > 0.002  # which the least squares do make of it

@@ -36,7 +36,7 @@ import numpy as np
 from rabbit_description.planar_urdf import BASE, SLIDES
 from rabbit_description.state import DOF, TICK_SECONDS, Array
 
-from rl_cbf_clf_controller.least_squares import updated
+from rl_cbf_clf_controller.least_squares import updated, within
 from rl_cbf_clf_controller.planar_robot import INERTIAL, PinnedRobot, robot_parameters
 from rl_cbf_clf_controller.robot_numbers import GRAVITY, RobotNumbers
 
@@ -167,11 +167,6 @@ def in_use(value: ca.SX, base: ca.SX, nominal: Array, doubts: ca.SX) -> tuple[ca
 def lateness(late_torque: ca.SX) -> ca.SX:
     """How slow the motors are, from 0 (a lag of 4 ms) to 1, by the identified `late_torque`."""
     return within((late_torque - USUAL_LATE) / LATE_RANGE)
-
-
-def within(share: ca.SX) -> ca.SX:
-    """Cut to 0 and 1."""
-    return ca.fmin(ca.fmax(share, 0), 1)
 
 
 def is_physical(theta: ca.SX) -> ca.SX:

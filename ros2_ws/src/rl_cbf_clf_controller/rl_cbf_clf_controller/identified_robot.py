@@ -163,7 +163,7 @@ def after_tick(nominal: RobotNumbers, gives_way: bool) -> NumpyFunction:
     error = ca.fabs(rates / 2 - turned / TICK_SECONDS)
     errors = known["errors"] + ca.if_else(learns, ca.fmin(error, PUSHED), 0)
     differences = known["differences"] + learns
-    found = calibrated(known, now["x"], **lengths)
+    found = calibrated(known, now["x"], differences, np.pi * (errors / differences) ** 2, **lengths)
     found = {name: ca.if_else(learns, value, known[name]) for name, value in found.items()}
     found |= {"errors": errors, "differences": differences, "standing": standing}
     tick = {"start": known["x"], "end": now["x"], "before": known["torque"], "now": now["torque"], **lengths}

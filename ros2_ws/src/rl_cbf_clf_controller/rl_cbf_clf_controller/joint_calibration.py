@@ -11,6 +11,15 @@ linearised in what is left of them,
 which least squares solve (`least_squares.py`), the legs being alike. A velocity and not the foot's height: the ground
 need not be level. The foot's rubber gives way as the load comes, which looks like an offset of the knee that changes
 along the step; so the knee's prior is narrow.
+
+Ground that gives way moves the stance foot, too: it sinks as the load comes and rises again. No offset explains that,
+for what an offset does to the foot's velocity goes with the joints' rates throughout the step; but the least squares
+make one of it all the same. So the offsets count only where the foot stands, that is as long as the mean square of the
+innovations, of what the offsets of the tick before leave of the foot's velocity, is below STILL^2. With bent links, on
+rubber and on ground of 2e4 N/m that is damped as rubber is, it is; on ground of 1e5 N/m with 2e3 N s/m it passes MOVING^2
+within five ticks. Between the two the offsets fade out. They do not come back in that episode. Noise of the rates is no
+motion: by the legs' lengths it puts 2.4 sigma^2 into the foot's velocity, and twice that is forgiven, for sigma is
+known from a few ticks at first.
 """
 
 from collections.abc import Mapping
@@ -20,7 +29,7 @@ import numpy as np
 from rabbit_description.planar_urdf import BASE
 from rabbit_description.state import DOF
 
-from rl_cbf_clf_controller.least_squares import updated
+from rl_cbf_clf_controller.least_squares import updated, within
 from rl_cbf_clf_controller.planar_robot import PinnedRobot, robot_parameters
 
 OFFSETS = np.array([[0.0, 0, 0, 1, 0, 1, 0], [0, 0, 0, 0, 1, 0, 1]]).T  # (o_h, o_k) to q
@@ -29,19 +38,34 @@ VELOCITY_NOISE = 0.05  # m/s
 SIZE = 2
 
 
-UNKNOWN = {"offsets": np.zeros(SIZE), "offset_covariance": np.diag(OFFSET_SPREAD**2)}  # the angles are trusted
+STILL, MOVING = 0.07, 0.08  # m/s; rms of the innovations, up to which the foot stands and from which on it does not
+MOST = 0.2  # m/s; of one tick: a blow is no soft ground
+FORGIVEN = 5.0  # of the variance of the rates' noise
+
+# The angles are trusted, and the foot to stand. `offset_fit`: what the least squares say.
+UNKNOWN = {
+    **{"offsets": np.zeros(SIZE), "offset_fit": np.zeros(SIZE), "offset_covariance": np.diag(OFFSET_SPREAD**2)},
+    **{"moved": np.zeros(1), "stands": np.ones(1)},
+}
 
 
-def calibrated(known: Mapping[str, ca.SX], x: ca.SX, joints: ca.SX, feet: ca.SX) -> dict[str, ca.SX]:
-    """The offsets o of hips and knees, rad, and their covariance a tick later, by the names of `UNKNOWN`.
+def calibrated(
+    known: Mapping[str, ca.SX], x: ca.SX, ticks: ca.SX, noise: ca.SX, joints: ca.SX, feet: ca.SX
+) -> dict[str, ca.SX]:
+    """What is known a tick later, by the names of `UNKNOWN`.
 
-    From a corrected state `x` (14,), stance/swing order, in which the stance foot stands.
+    `offsets` o of hips and knees, rad, that are used; `moved`: the innovations' squares, added up, (m/s)^2; `stands`:
+    from 1, where the foot does, to 0. From a corrected state `x` (14,), stance/swing order, with this tick so many
+    `ticks` of a foot that should stand; `noise`: the variance of the rates' errors, (m/s)^2 and (rad/s)^2.
     """
     robot = PinnedRobot(parameters={**robot_parameters(), "joints": joints, "feet": feet})
     velocity = robot.rate(robot.feet[0])
     slope = ca.jacobian(velocity, robot.q[BASE : BASE + 2])  # over the stance leg's hip and knee
     velocity, slope = ca.substitute([velocity, slope], [robot.q, robot.dq], [x[:DOF], x[DOF:]])
-    noise, still = VELOCITY_NOISE**2 * ca.SX.eye(2), ca.SX.zeros(SIZE, SIZE)
+    spread, still = VELOCITY_NOISE**2 * ca.SX.eye(2), ca.SX.zeros(SIZE, SIZE)
     measured = velocity + slope @ known["offsets"]
-    found = updated(known["offsets"], known["offset_covariance"], still, slope, measured, noise)
-    return dict(zip(UNKNOWN, found, strict=False))
+    fit, covariance, _ = updated(known["offset_fit"], known["offset_covariance"], still, slope, measured, spread)
+    moved = known["moved"] + ca.fmin(ca.sumsqr(measured - slope @ known["offset_fit"]), MOST**2)
+    square = moved / (ticks + 1) - FORGIVEN * noise
+    stands = ca.fmin(known["stands"], within((MOVING**2 - square) / (MOVING**2 - STILL**2)))
+    return dict(zip(UNKNOWN, (stands * fit, fit, covariance, moved, stands), strict=True))

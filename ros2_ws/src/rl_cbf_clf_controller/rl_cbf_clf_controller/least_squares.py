@@ -41,3 +41,8 @@ def updated(
     square = ca.dot(innovation, solved(spread, innovation)) / innovation.numel()
     is_good = is_finite(ca.vertcat(found, ca.vec(narrowed)))
     return ca.if_else(is_good, found, value), ca.if_else(is_good, narrowed, covariance), square
+
+
+def within(share: ca.SX) -> ca.SX:
+    """Cut to 0 and 1."""
+    return ca.fmin(ca.fmax(share, 0), 1)
