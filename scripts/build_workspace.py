@@ -9,15 +9,26 @@ import re
 import shutil
 from pathlib import Path
 
-from common import STATE, VENV, WORKSPACE, SetUpError, digest, is_done, logged, main, mark_done, say, system_ros
+from common import (
+    STATE,
+    VENV,
+    WORKSPACE,
+    SetUpError,
+    digest,
+    is_done,
+    logged,
+    main,
+    mark_done,
+    plain_environment,
+    say,
+    system_ros,
+)
 
 SOURCES = WORKSPACE / "src"
-STAND_INS = WORKSPACE / "stand_ins"  # messages that a full ROS 2 has and the wheels have not; plain colcon ignores them
 LEFT_OVER = {"__pycache__", "build", *(path.name for path in SOURCES.glob("*/*.egg-info"))}  # by pip
 LINKED = {".py", ".yaml", ".urdf", ".safetensors"}
-KEPT = {"PATH", "HOME", "LANG", "TERM", "CC", "CXX", "TMPDIR"}
 COLCON = (
-    'source "{venv}/setup.bash" && exec python "$(command -v colcon)" --log-base log build --base-paths {paths} '
+    'source "{venv}/setup.bash" && exec python "$(command -v colcon)" --log-base log build --base-paths src '
     "--symlink-install --event-handlers console_direct+ console_stderr- "
     "--cmake-args -DCMAKE_BUILD_TYPE=Release -DBUILD_TESTING=OFF "
     '-DPython3_EXECUTABLE="{venv}/bin/python"'
@@ -40,20 +51,17 @@ def build_key() -> str:
     """A hash of what decides a build: all names, the contents of what is not linked, the environment."""
     files = source_files()
     read = [path for path in files if path.name.endswith("setup.py") or path.suffix not in LINKED]
-    stand_ins = [path for path in STAND_INS.rglob("*") if path.is_file()]
     names = sorted(str(path.relative_to(SOURCES)) for path in files)
     place = f"{VENV} {(VENV / 'bin' / 'python').resolve()} {system_ros()}"
-    return digest([*read, *stand_ins, Path(__file__)], *names, place, (STATE / "mend.stamp").read_text())
+    return digest([*read, Path(__file__)], *names, place, (STATE / "mend.stamp").read_text())
 
 
 def colcon_build() -> None:
-    """Call colcon in an environment without another ROS 2 or Python in it."""
-    environment = {name: value for name, value in os.environ.items() if name in KEPT}
-    environment["MAKEFLAGS"] = f"-j{os.cpu_count()}"  # colcon's own waits for idle cores: a busy machine hardly builds
+    """Call colcon."""
+    environment = {**plain_environment(), "MAKEFLAGS": f"-j{os.cpu_count()}"}  # colcon's own waits for idle cores
     log = STATE / "colcon.log"
-    paths = "src" if system_ros() else "src stand_ins/*"
     os.chdir(WORKSPACE)
-    if logged(["bash", "-c", COLCON.format(venv=VENV, paths=paths)], log, environment):
+    if logged(["bash", "-c", COLCON.format(venv=VENV)], log, environment):
         output = log.read_text(encoding="utf-8")
         advice = next((advice for pattern, advice in CAUSES if re.search(pattern, output)), "colcon could not build")
         raise SetUpError(f"{advice}, then call make again (log: .setup/colcon.log)")

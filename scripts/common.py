@@ -16,6 +16,7 @@ WORKSPACE = ROOT / "ros2_ws"
 STATE = ROOT / ".setup"  # stamps and logs
 UNDERLAY = STATE / "underlay"  # names the full ROS 2 in use
 ENOSPC = 28
+KEPT = {"PATH", "HOME", "LANG", "TERM", "CC", "CXX", "TMPDIR"}
 
 
 class SetUpError(Exception):
@@ -31,6 +32,11 @@ def system_ros() -> Path | None:
         if (prefix / "setup.bash").is_file() and (prefix / "share" / "rclpy").is_dir() and not wheels:
             return prefix
     return None
+
+
+def plain_environment() -> dict[str, str]:
+    """What a build sees: no other ROS 2 or Python."""
+    return {name: value for name, value in os.environ.items() if name in KEPT}
 
 
 def digest(paths: Iterable[Path], *words: str) -> str:

@@ -14,6 +14,7 @@ import own_systems.ros.robot_controller
 import own_systems.ros.simulator
 import own_systems.ros.task_node
 import own_systems.ros.trainer
+import rl_cbf_clf_controller.ros.node
 import rl_cbf_clf_controller.ros.policies
 import rl_trainer.ros.node
 from common import ROOT, WORKSPACE
@@ -27,13 +28,12 @@ from rabbit_recording.ros import recorder
 from rabbit_sim.parameters import NodeParameters as SimulatorParameters
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_viewer.live.parameters import ViewerParameters
-from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_trainer.parameters import TrainingParameters
 
 SOURCES = WORKSPACE / "src"
 NODES: Mapping[str, tuple[type[BaseModel], ...]] = {
     "simulator": (SimulatorParameters, SimulationParameters),
-    "controller": (rl_cbf_clf_controller.ros.policies.NodeParameters, ControllerParameters),
+    "controller": (rl_cbf_clf_controller.ros.policies.NodeParameters, rl_cbf_clf_controller.ros.node.Settings),
     "trainer": (rl_trainer.ros.node.NodeParameters, TrainingParameters),
     "recorder": (recorder.NodeParameters,),
     "viewer": (ViewerParameters,),

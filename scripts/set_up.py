@@ -22,6 +22,7 @@ from common import (
     STATE,
     UNDERLAY,
     VENV,
+    WORKSPACE,
     SetUpError,
     digest,
     forget,
@@ -29,6 +30,7 @@ from common import (
     logged,
     main,
     mark_done,
+    plain_environment,
     say,
     system_ros,
 )
@@ -37,6 +39,7 @@ from pip_install import REQUIREMENTS, pip_install
 
 SCRIPTS = ROOT / "scripts"
 PYTHON = VENV / "bin" / "python"
+STAND_INS = [path.parent for path in sorted(WORKSPACE.glob("stand_ins/*/package.xml"))]
 CUDA_ROOM = 8  # GB
 
 
@@ -124,10 +127,24 @@ def mend_ros() -> None:
         )
 
 
+def build_stand_ins() -> None:
+    """Build into the environment what a full ROS 2 has and the wheels lack: every workspace over it finds that."""
+    log, made = STATE / "stand_ins.log", STATE / "stand_ins"
+    shutil.rmtree(made, ignore_errors=True)
+    for package in () if system_ros() else STAND_INS:
+        configure = f'cmake -S "{package}" -B "{made / package.name}" -DCMAKE_INSTALL_PREFIX="{VENV}"'
+        options = f'-DCMAKE_BUILD_TYPE=Release -DBUILD_TESTING=OFF -DPython3_EXECUTABLE="{PYTHON}"'
+        build = f'cmake --build "{made / package.name}" --target install -j {os.cpu_count()}'
+        script = f'source "{VENV}/setup.bash" && {configure} {options} && {build}'
+        if logged(["bash", "-c", script], log, plain_environment()):
+            raise SetUpError(f"{package.name} could not be built; call make again (log: .setup/{log.name})")
+
+
 def steps(extent: str) -> list[Step]:
     """The steps in their order, as far as `extent`, which is `ros`, empty, `studies` or `tests`."""
     locks = [REQUIREMENTS / f"{name}.txt" for name in ("build", "python", "ros", "torch_cpu", "torch", "torch_cuda")]
     links = ROOT / "studies/pyproject.toml", ROOT / "qa/pyproject.toml"
+    stand_ins = tuple(path for package in STAND_INS for path in package.rglob("*") if path.is_file())
     walking = [
         Step("venv", "an environment in .venv", (), make_venv),
         Step("build", "build tools", (locks[0],), install_build),
@@ -138,6 +155,7 @@ def steps(extent: str) -> list[Step]:
             install_python,
         ),
         Step("mend", "set-up files for ROS 2", (locks[2], SCRIPTS / "mend_ros_wheels.py"), mend_ros),
+        Step("stand_ins", "messages that the ROS wheels lack", stand_ins, build_stand_ins),
         Step("torch", "torch", tuple(locks[3:]), install_torch),
     ]
     if extent == "ros":

@@ -39,13 +39,16 @@ class World:
         self.hear("diagnostics")
 
     def start(self, name: str, arguments: tuple[str, ...] = (), **parameters: Any) -> None:
-        """Start a node under these parameters, and further ROS arguments. The simulator is paused until `go`."""
+        """Start a node under these parameters, and further ROS arguments.
+
+        The simulator is paused until `go`; then it walks one episode, whoever plans another.
+        """
         from rabbit_bringup.launching.processes import write_parameters
 
-        paused = {"start_paused": True} if name == "simulator" else {}
+        usual = {"start_paused": True, "episodes": 1, "trainer": "ignore"} if name == "simulator" else {}
         self._nodes.append(name)
         path = self.folder / f"{name}.yaml"
-        write_parameters(path, {name: {**paused, **parameters}})
+        write_parameters(path, {name: {**usual, **parameters}})
         options = ("--ros-args", "--params-file", str(path), "-r", f"__ns:=/{self.namespace}", "-r", "/clock:=clock")
         self.processes.start(name, (*options, *arguments))
 

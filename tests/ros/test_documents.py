@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import rabbit_estimator.parameters
+import rl_cbf_clf_controller.ros.node
 import rl_cbf_clf_controller.ros.policies
 import rl_trainer.ros.node
 import yaml
@@ -19,7 +20,6 @@ from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.ros import node as simulator
 from rabbit_viewer.live.parameters import ViewerParameters
 from rclpy.node import Node
-from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_trainer.parameters import TrainingParameters
 
 ROOT = Path(__file__).parents[2]
@@ -28,7 +28,7 @@ PAGE = (ROOT / "docs" / "topics.md").read_text(encoding="utf-8")
 MODELS: dict[str, tuple[type[BaseModel], ...]] = {
     "simulator": (simulator.NodeParameters, SimulationParameters),
     "estimator": (rabbit_estimator.parameters.NodeParameters, EstimatorParameters),
-    "controller": (rl_cbf_clf_controller.ros.policies.NodeParameters, ControllerParameters),
+    "controller": (rl_cbf_clf_controller.ros.policies.NodeParameters, rl_cbf_clf_controller.ros.node.Settings),
     "trainer": (rl_trainer.ros.node.NodeParameters, TrainingParameters),
     "recorder": (recorder_node.NodeParameters,),
     "viewer": (ViewerParameters,),

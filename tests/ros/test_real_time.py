@@ -5,12 +5,15 @@ Real time is slowed down (`pace`), so that a busy machine keeps it.
 
 import os
 import signal
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
+from rabbit_common.priority import NICE, SESSION
 from rabbit_description.state import TICK_SECONDS
 from rabbit_msgs.msg import Episode, Timing, TorqueCommand
+from rl_trainer.parameters import TrainingParameters
 from std_srvs.srv import SetBool
 
 PACE, HELD, DAMPED, DAMPING = 0.1, 2, 10, 10.0
@@ -88,3 +91,46 @@ def test_a_machine_that_is_not_fit_is_told_of(world: Any) -> None:
 
     world.wait(lambda: bool(complaints()))
     assert any(value.key == "late ticks" and int(value.value) > 0 for value in complaints()[0].values)
+
+
+def niceness(pid: int) -> dict[int, int]:
+    """Of each thread of a process."""
+    lines = {path.parent.name: path.read_text() for path in Path(f"/proc/{pid}/task").glob("*/stat")}
+    return {int(thread): int(line.rpartition(")")[2].split()[16]) for thread, line in lines.items()}
+
+
+def test_who_can_wait_goes_behind_who_cannot(world: Any) -> None:
+    """Trainer and recorder do, by threads and, where each session has its share of a processor, by sessions."""
+    episodes = world.hear("episode")
+    world.start("simulator", **SLOW)
+    world.start("controller")
+    world.start("trainer")
+    world.start("recorder", path=str(world.folder / "recording"))
+    world.go()
+    world.wait(lambda: bool(episodes) and episodes[-1].phase == Episode.RUNNING)
+    for name, nice in {"simulator": 0, "controller": 0, "trainer": NICE, "recorder": NICE}.items():
+        pid = world.processes.pid(name)
+        threads = niceness(pid)
+        assert threads[pid] == nice, name  # which runs the node's callbacks
+        if SESSION.exists():
+            assert Path(f"/proc/{pid}/autogroup").read_text().split()[-1] == str(nice), name
+        if name == "trainer":
+            assert list(threads.values()).count(NICE) > 1  # the learning's too
+            assert 0 in threads.values()  # and not the middleware's, which hold locks that others wait for
+
+
+def test_no_update_runs_while_a_robot_walks_in_real_time(world: Any) -> None:
+    """What an episode is walked with exists only after the updates of the one before."""
+    episodes, plans = world.hear("episode"), world.hear("episode_plan")
+    training = TrainingParameters(
+        nominal_episodes=0, hidden1=16, hidden2=16, batch=8, updates_least=20, updates_per_tick=0.0
+    )
+    world.start("simulator", **{**SLOW, "pace": 1.0, "stones": 1}, trainer="auto", episodes=3, held_ticks=1000)
+    world.start("controller", controller="rl-cbf-clf-qp")
+    world.start("trainer", **training.model_dump(mode="json"))
+    world.go()
+    world.wait(lambda: any(e.episode == 3 and e.phase == Episode.ENDED for e in episodes))
+    begun = {e.episode: e.policy_version for e in episodes if e.phase == Episode.RUNNING and not e.controller}
+    planned = {plan.after_episode + 1: plan.policy_version for plan in plans}
+    assert begun == {number: planned[number] for number in (1, 2, 3)}
+    assert len(set(begun.values())) == 3  # each made by its own updates

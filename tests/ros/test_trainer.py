@@ -40,7 +40,7 @@ def test_graph_learns_the_same_weights(world: Any) -> None:
     transitions, commands = world.hear("transition"), world.hear("torque")
     world.start("simulator", trainer="follow", episodes=3, **PLANT.model_dump())
     world.start("controller", swap_at="episode", **PARAMETERS.model_dump())
-    world.start("trainer", plan_episodes=True, **TRAINING.model_dump(mode="json"))
+    world.start("trainer", **TRAINING.model_dump(mode="json"))
     world.go()
     world.wait(lambda: len(plans) == 4)
     expected = versions_in_process()
@@ -53,6 +53,51 @@ def test_graph_learns_the_same_weights(world: Any) -> None:
         assert {command.policy_version for command in mine} == {plan.policy_version}
     ticks = [(t.episode, t.tick) for t in transitions]
     assert ticks == [(n, c.tick) for n, mine in by_episode.items() for c in mine]
+
+
+def test_without_a_parameter_the_graph_walks_learns_after_each_episode_and_swaps(root_world: Any) -> None:
+    """The three executables as they are. The trainer is there first, so each episode is walked as it plans."""
+    world, episodes, plans = root_world, root_world.hear("episode"), root_world.hear("episode_plan")
+    weights, commands = world.hear("policy"), world.hear("torque")
+    world.processes.start("trainer")
+    world.processes.start("simulator")
+    world.wait(lambda: bool(plans))
+    world.processes.start("controller")
+    last = TrainingParameters().nominal_episodes + 2
+    world.wait(lambda: any(e.episode == last and e.phase == Episode.ENDED for e in episodes), 900.0)
+    begun = [e for e in episodes if e.phase == Episode.RUNNING and not e.controller][:last]
+    asked = [(plan.seed, plan.sigma, plan.policy_version) for plan in plans[:last]]
+    assert [(e.seed, e.sigma, e.policy_version) for e in begun] == asked
+    versions = [plan.policy_version for plan in plans[:last]]
+    assert versions == ["zero"] * (last - 2) + [message.version for message in weights[:2]]
+    assert len(set(versions)) == 3
+    for number, version in enumerate(versions, 1):
+        assert {c.policy_version for c in commands if c.episode == number} == {version}
+    outcomes = {e.episode: e.outcome for e in episodes if e.phase == Episode.ENDED}
+    assert "walked" in outcomes.values()
+    assert not set(outcomes.values()) & {"fault", "silent", "reset"}
+
+
+def test_a_trainer_is_followed_while_it_is_there(world: Any) -> None:
+    """Before it comes and after it leaves, the simulator counts its own seeds on."""
+    episodes, plans = world.hear("episode"), world.hear("episode_plan")
+    begun: list[Episode] = []  # of this stage
+
+    def walks(seeds: Any) -> bool:
+        """Whether an episode began in this stage with one of these seeds, or with its own."""
+        begun[:] = [e for e in episodes[stage:] if e.phase == Episode.RUNNING and not e.controller]
+        return any(e.seed == (e.episode if seeds is None else seeds.get(e.episode)) for e in begun)
+
+    stage = 0
+    world.start("simulator", trainer="auto", episodes=1_000_000, **{**PLANT.model_dump(), "stones": 1})
+    world.start("controller", **PARAMETERS.model_dump())
+    world.go()
+    world.wait(lambda: walks(None))
+    world.start("trainer", **TRAINING.model_dump(mode="json"))
+    world.wait(lambda: walks({plan.after_episode + 1: plan.seed for plan in plans}))
+    world.processes.stop(("trainer",))
+    stage = len(episodes)
+    world.wait(lambda: walks(None))
 
 
 def test_a_trainer_whose_learning_diverges_ends_at_once(world: Any) -> None:

@@ -1,4 +1,4 @@
-"""Plain colcon: which packages it takes, that each builds alone, and that `colcon test` runs the tests of a copy."""
+"""Plain colcon: which packages it takes, that each builds alone, that a copy walks, and that its tests are run."""
 
 import os
 import shutil
@@ -26,6 +26,21 @@ def copied(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return shutil.copytree(WORKSPACE / "src", tmp_path_factory.mktemp("copied") / "src", ignore=left_over)
 
 
+@pytest.fixture(scope="module")
+def walking(copied: Path) -> Path:
+    """The workspace of that copy, built."""
+    done = in_shell(f"python {shutil.which('colcon')} build", copied.parent)
+    assert done.returncode == 0, done.stderr
+    return copied.parent
+
+
+def in_shell(script: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    """Run it there, over the environment alone."""
+    kept = {name: os.environ[name] for name in ("PATH", "HOME")} | {"ROS_DOMAIN_ID": str(1 + os.getpid() % 100)}
+    command = ["bash", "-c", f"source {ROOT}/.venv/setup.bash; {script}"]
+    return subprocess.run(command, cwd=folder, env=kept, capture_output=True, text=True, timeout=900)
+
+
 def colcon(*arguments: str, logs: Path) -> subprocess.CompletedProcess[str]:
     """Call colcon in the workspace."""
     command = [sys.executable, shutil.which("colcon") or "colcon", "--log-base", str(logs), *arguments]
@@ -49,16 +64,35 @@ def needed(package: str) -> set[str]:
 def test_each_package_builds_alone_on_what_it_declares(package: str, copied: Path, tmp_path: Path) -> None:
     """Its folder is moved away from the others, and no other package is sourced."""
     shutil.copytree(copied / package, tmp_path / "src" / package)
-    sourced = f"source {ROOT}/.venv/setup.bash"
+    sourced = ":"
     for name in sorted(needed(package)):
         prefix = WORKSPACE / "install" / name
         sourced += f"; export COLCON_CURRENT_PREFIX={prefix}; source {prefix}/share/{name}/package.bash"
     build = f"python {shutil.which('colcon')} build && source install/local_setup.bash"
     script = f"{sourced}; unset COLCON_CURRENT_PREFIX; {build} && python -c 'import {package} as p; print(p.__file__)'"
-    kept = {name: os.environ[name] for name in ("PATH", "HOME")}
-    done = subprocess.run(["bash", "-c", script], cwd=tmp_path, env=kept, capture_output=True, text=True, timeout=300)
+    done = in_shell(script, tmp_path)
     assert done.returncode == 0, done.stderr
     assert Path(done.stdout.splitlines()[-1]).is_relative_to(tmp_path / "install" / package)
+
+
+@pytest.mark.timeout(900)
+def test_a_copy_of_the_sources_walks_with_all_nodes(walking: Path) -> None:
+    options = "--controller cbf-clf-qp --sensors lab --stones 1 --view --view-port 0 --no-pictures --no-video"
+    done = in_shell(f"source install/setup.bash; rabbit walk {options} --ready-timeout 600 --out walk", walking)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "walked: 1 of 1" in done.stdout
+    assert len(list(walking.glob("walk/log/*.log"))) == 6
+
+
+@pytest.mark.timeout(900)
+def test_each_executable_of_the_copy_starts(walking: Path) -> None:
+    """As far as its parameters, of which it is given one that it does not have: it ends with that word."""
+    found = [path for path in walking.glob("install/*/lib/*/*") if path.parts[-4] == path.parts[-2]]
+    assert {path.parent.name for path in found} >= {"rabbit_sim", "rl_trainer", "rabbit_viewer", "own_systems"}
+    script = "\n".join(f"{path} --ros-args -p no_such:=1 2>&1 | tail -1" for path in found)
+    said = in_shell(f"source install/setup.bash; {script}", walking).stdout.splitlines()
+    wrong = {str(path): line for path, line in zip(found, said, strict=True) if "no parameter of this name" not in line}
+    assert not wrong
 
 
 def test_plain_colcon_takes_the_projects_packages_alone(tmp_path: Path) -> None:

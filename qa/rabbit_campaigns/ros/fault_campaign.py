@@ -97,7 +97,7 @@ class FaultyGraph(CampaignGraph):
         told: dict[str, dict[str, Any]] = {
             "simulator": {"seed": self._seed, "memory": str(self.folder / "simulator.memory"), **WALK, **PLANT},
             "controller": {"controller": str(TRAINING.problem), "swap_at": "episode"},
-            "trainer": {"plan_episodes": True, "folder": str(self.training), **TRAINING.model_dump(mode="json")},
+            "trainer": {"folder": str(self.training), **TRAINING.model_dump(mode="json")},
         }
         return told.get(name) or {"path": str(self.folder / name)}
 

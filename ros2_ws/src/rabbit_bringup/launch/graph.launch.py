@@ -26,7 +26,7 @@ from rabbit_sim.parameters import NodeParameters, SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.weights import SHIPPED
 
-DEFAULTS = Defaults(always={**WALK.always, **WALK.bare})
+DEFAULTS = Defaults(always={**WALK.always, **WALK.bare, "episodes": 1})
 LEARNED = sorted(path.stem for path in SHIPPED.glob("*.safetensors"))
 NO_ARGUMENTS = ("memory", "priority", "readers")  # parameters that `params_file` alone can set
 
@@ -49,7 +49,7 @@ def generate_launch_description() -> LaunchDescription:
     its_policy = {"policy": PythonExpression([*shipped, " if '", policy, "' == 'shipped' else '", policy, "'"])}
     package, _, executable = (PythonExpression(["'", chosen, f"'.partition('/')[{part}]"]) for part in range(3))
     waits = {
-        "trainer": IfElseSubstitution(Argument("trainer"), "wait", "ignore"),
+        "trainer": IfElseSubstitution(Argument("trainer"), "follow", "ignore"),
         "readers": ParameterValue(IfElseSubstitution(Argument("recorder"), "2", "1"), value_type=int),
     }
     return LaunchDescription(
@@ -60,7 +60,7 @@ def generate_launch_description() -> LaunchDescription:
                 estimator=("true", "start the estimator, if `sensors` is lab"),
                 controller=(DEFAULTS.always["controller"], "its name; PACKAGE/EXECUTABLE of your own; or none"),
                 policy=("shipped", "shipped: the controller's own, if it learns; zero; another shipped one; or a file"),
-                trainer=("false", "start the trainer, for which the simulator waits after each episode"),
+                trainer=("false", "start the trainer, which plans each episode and learns from it"),
                 recorder=("false", "include record.launch.py"),
                 viewer=("false", "include display.launch.py"),
             ),

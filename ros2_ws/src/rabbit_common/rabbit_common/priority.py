@@ -1,4 +1,6 @@
-"""SCHED_FIFO for a node: with it no ordinary process, however busy, keeps the node from its processor.
+"""Who goes first: SCHED_FIFO for a node that must be in time, a lower priority for nodes that can wait.
+
+With SCHED_FIFO no ordinary process, however busy, keeps the node from its processor.
 
 The middleware's processes share locks. One that is kept from its processor while it holds one keeps the others waiting,
 whatever their priority; so all processes of a graph need one, those that only listen a lower one.
@@ -6,10 +8,13 @@ whatever their priority; so all processes of a graph need one, those that only l
 
 import contextlib
 import os
+import threading
 from collections.abc import Callable
 from pathlib import Path
 
 BENEATH = 10  # by so much the listeners are lower
+NICE = 10  # of nodes that can wait: a tenth of an ordinary process's share where both want the processor
+SESSION = Path("/proc/self/autogroup")
 
 
 def take_priority(priority: int, warn: Callable[[str], object]) -> None:
@@ -30,6 +35,19 @@ def take_priority(priority: int, warn: Callable[[str], object]) -> None:
 def take_listeners_priority(priority: int, warn: Callable[[str], object]) -> None:
     """As `take_priority`, just beneath the nodes of that priority."""
     take_priority(priority and max(1, priority - BENEATH), warn)
+
+
+def give_way() -> None:
+    """Let the calling thread, and those that it starts, go behind ordinary ones. It needs no permission.
+
+    Call it once the middleware's threads run: those share locks with other processes. Where the kernel shares
+    processors between sessions (autogroup), niceness counts only within one. So a session that is ours alone, as
+    the launcher gives one to each node, steps back as a whole.
+    """
+    os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICE)
+    if os.getsid(0) == os.getpid():
+        with contextlib.suppress(OSError):
+            SESSION.write_text(str(NICE))
 
 
 def scheduling() -> str:

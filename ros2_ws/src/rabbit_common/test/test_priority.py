@@ -2,11 +2,15 @@
 
 import os
 import re
+import subprocess
+import sys
 from typing import Any
 
 import pytest
 from rabbit_common.priority import (
     BENEATH,
+    NICE,
+    SESSION,
     leave_priority,
     scheduling,
     step_back,
@@ -58,3 +62,25 @@ def test_listeners_are_beneath(priority: int, own: str) -> None:
     found = scheduling()
     leave_priority()
     assert (found, scheduling()) == (own, "ordinary")
+
+
+@pytest.mark.parametrize("is_alone", [True, False])
+def test_who_gives_way_does_so_with_the_threads_to_come_and_a_session_of_its_own(is_alone: bool) -> None:
+    """What runs before stays; nor does a session step back that others are in."""
+    code = """
+import os, threading, time
+from rabbit_common.priority import SESSION, give_way
+def nice(found): found.append(os.getpriority(os.PRIO_PROCESS, threading.get_native_id()))
+go, before, after, own = threading.Event(), [], [], []
+early = threading.Thread(target=lambda: go.wait() and nice(before))
+early.start()
+give_way()
+go.set()
+late = threading.Thread(target=nice, args=[after])
+late.start()
+early.join(), late.join(), nice(own)
+print(*before, *own, *after, SESSION.read_text().split()[-1] if SESSION.exists() else "")
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, start_new_session=is_alone)
+    mine = SESSION.read_text().split()[-1] if SESSION.exists() else ""
+    assert done.stdout.split() == ["0", str(NICE), str(NICE), *([str(NICE) if is_alone else mine] * bool(mine))]

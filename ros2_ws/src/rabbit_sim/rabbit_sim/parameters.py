@@ -135,7 +135,9 @@ class NodeParameters(BaseModel):
         description="gait whose post-impact state the robot starts from: a name or a file, also of a library",
     )
     seed: int = Field(1, ge=0, le=2**63 - 1, description="seed of the first episode; the next ones count up from it")
-    episodes: int = Field(1, ge=0, description="episodes to walk by itself; 0: those that reset_episode asks for")
+    episodes: int = Field(
+        1_000_000, ge=0, description="episodes to walk by itself; 0: those that reset_episode asks for"
+    )
     publish_tf: bool = Field(
         True, description="publish `tf` and `robot_description`; false beside a robot_state_publisher"
     )
@@ -153,6 +155,8 @@ class NodeParameters(BaseModel):
     memory: str = Field(
         "", description="file that keeps episode and clock for a simulator started again; empty: it counts from 1"
     )
-    trainer: Literal["ignore", "wait", "follow"] = Field(
-        "ignore", description="wait: until it has digested the last episode; follow: and as it plans the next one"
+    trainer: Literal["auto", "ignore", "wait", "follow"] = Field(
+        "auto",
+        description="wait: until it has digested the last episode; follow: and as it plans the next one; "
+        "auto: follow while one is there",
     )

@@ -112,7 +112,7 @@ class Trainer:
     def start_from(self, policy: PolicyFile) -> None:
         """Go on from a policy: its weights in the actor and its average, its episodes and transitions counted on.
 
-        Critic, optimiser and replay begin as from scratch. So the actor is set back to the policy once the critic has
+        Critic, optimiser and replay begin as from scratch. So the actor is set back to the policy until the critic has
         had `CRITIC_FIRST` updates.
 
         Raises:
@@ -185,6 +185,8 @@ class Trainer:
             self._updates += 1
             if self._start and self._updates == CRITIC_FIRST:
                 self.learner.set_actors(self._start)
+        if self._start and self._updates < CRITIC_FIRST:  # nobody is to walk with what such a critic made of it
+            self.learner.set_actors(self._start)
         return total
 
     @property

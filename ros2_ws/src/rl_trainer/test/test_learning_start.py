@@ -54,7 +54,7 @@ def test_counts_go_on_and_all_else_begins_as_from_scratch() -> None:
     assert not begun["_optimizer"]["state"]
 
 
-def test_the_actor_is_set_back_once_the_critic_has_learned(
+def test_the_policy_stays_until_the_critic_has_learned(
     monkeypatch: pytest.MonkeyPatch, random_transition: Callable[..., Transition]
 ) -> None:
     monkeypatch.setattr(training, "CRITIC_FIRST", 6)
@@ -67,7 +67,7 @@ def test_the_actor_is_set_back_once_the_critic_has_learned(
     for _ in range(9):
         trainer.learn(1)
         same.append(np.array_equal(trainer.policy_file().arrays["0.weight"], given.arrays["0.weight"]))
-    assert same == [False] * 5 + [True] + [False] * 3
+    assert same == [True] * 6 + [False] * 3
 
 
 @pytest.mark.parametrize(

@@ -140,4 +140,4 @@ class TrainerNode(CheckedNode):
 
 def main() -> None:
     """The executable `trainer`."""
-    run(TrainerNode, errors=(TaskError,))
+    run(TrainerNode, errors=(TaskError,), gives_way=True)

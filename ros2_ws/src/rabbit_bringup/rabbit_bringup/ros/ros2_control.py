@@ -13,7 +13,7 @@ stands in for a late torque, the services. `pause` stops the robot, and enables 
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from geometry_msgs.msg import WrenchStamped
@@ -52,6 +52,10 @@ class HardwareParameters(NodeParameters):
 
     IS_SIMULATED: ClassVar[bool] = False
 
+    episodes: int = Field(1, ge=0, description="walks; the next one begins where the one before ended")
+    trainer: Literal["auto", "ignore", "wait", "follow"] = Field(
+        "ignore", description="whether a trainer plans the walks, which includes exploration noise"
+    )
     start_paused: bool = Field(True, description="wait for the service `pause` to enable the robot")
     real_time: bool = Field(True, description="nobody waits for a late torque")
     publish_tf: bool = Field(False, description="publish `tf` and `robot_description` beside a robot_state_publisher")

@@ -14,6 +14,7 @@ from rclpy.node import Node
 from rclpy.timer import Timer
 
 from rabbit_common.deadline import end_within
+from rabbit_common.priority import give_way
 from rabbit_common.ros.network import StartError, initialise
 from rabbit_common.ros.parameters import ParameterError
 
@@ -24,7 +25,7 @@ _MIDDLEWARE = 10  # s, that it may take to end
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
-def run(make: Callable[[], Node], errors: tuple[type[Exception], ...] = ()) -> None:
+def run(make: Callable[[], Node], errors: tuple[type[Exception], ...] = (), *, gives_way: bool = False) -> None:
     """Make a node, spin, close it.
 
     SIGINT and SIGTERM end it between two callbacks; more of them change nothing. This thread alone hears them: a
@@ -35,6 +36,7 @@ def run(make: Callable[[], Node], errors: tuple[type[Exception], ...] = ()) -> N
         make: the node's class. If it has `busy()`, it is spun until that is False (10 s at most); if it has `close()`,
             that is called at the end. If its `failure` becomes a line, it ends with that and its `failure_code`, or 2.
         errors: besides `ParameterError`, what the constructor raises when a file or value cannot be used.
+        gives_way: whether the node's work can wait, and a tick of simulator and controller goes before it.
     """
     signals: list[int] = []
     for number in _SIGNALS:
@@ -44,6 +46,8 @@ def run(make: Callable[[], Node], errors: tuple[type[Exception], ...] = ()) -> N
     try:
         initialise()
         node = make()
+        if gives_way:
+            give_way()
     except unusable as error:
         print("error:", " ".join(str(error).split()), file=sys.stderr)
         sys.exit(2)

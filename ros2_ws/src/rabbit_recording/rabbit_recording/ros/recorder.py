@@ -161,7 +161,7 @@ def offered(profile: QoSProfile) -> Qos:
 
 def main() -> None:
     """The executable `recorder`."""
-    run(RecorderNode, errors=(RecordingError,))
+    run(RecorderNode, errors=(RecordingError,), gives_way=True)
 
 
 if __name__ == "__main__":

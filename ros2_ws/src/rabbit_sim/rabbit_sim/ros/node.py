@@ -43,7 +43,7 @@ class SimulatorNode(CheckedNode):
         self._player = EpisodePlayer(self, self._own, plant, self._on_due)
         torques = self._hear(TorqueCommand, "torque", self._on_torque, TICK)
         self._live_controllers = LiveControllers(self, torques)
-        self._hear(EpisodePlan, "episode_plan", self._on_plan, EVENT)
+        self._plans = self._hear(EpisodePlan, "episode_plan", self._on_plan, EVENT)
         self.create_service(ResetEpisode, "reset_episode", self._on_reset)
         self.create_service(SetBool, "pause", self._on_pause)
         self._diagnostics = Diagnostics(self, self._message_counter, self._status)
@@ -133,19 +133,27 @@ class SimulatorNode(CheckedNode):
                 self.get_logger().warning(f"waits for {self._missing()}")
             self._player.ask_again(state)
 
+    @property
+    def _next_plan(self) -> EpisodePlan | None:
+        """The trainer's for the next episode, once it is there."""
+        plan = self._plan
+        return plan if plan is not None and plan.after_episode == self._player.episode.episode else None
+
     def _is_planned(self) -> bool:
         """Whether the trainer has planned the next episode, where that matters."""
-        planned = self._plan is not None and self._plan.after_episode == self._player.episode.episode
-        return planned or self._own.trainer == "ignore"
+        there = self._own.trainer in ("wait", "follow") or (
+            self._own.trainer == "auto" and self._plans.get_publisher_count() > 0
+        )
+        return self._next_plan is not None or not there
 
     def _begin_next(self) -> None:
-        done, plan = self._player.episode.episode, self._plan
+        done = self._player.episode.episode
         if done >= self._own.episodes or not self._answered_by_someone():
             return
         if not self._is_planned():
             if self._player.wait.seconds > self._own.trainer_timeout:
                 self._player.give_up(f"the trainer has planned nothing in {self._own.trainer_timeout:g} s")
-        elif self._own.trainer == "follow" and plan is not None:
+        elif self._own.trainer in ("follow", "auto") and (plan := self._next_plan) is not None:
             self._player.begin(plan.seed, plan.sigma, plan.policy_version)
         else:
             self._player.begin(self._own.seed + done)

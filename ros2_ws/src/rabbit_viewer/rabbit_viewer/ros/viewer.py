@@ -6,7 +6,6 @@ Ticks are heard as bytes with best effort, taken when a picture is due and looke
 is hardly slower for it. A viewer may come late, and stay while graphs come and go.
 """
 
-import os
 import time
 from functools import partial
 from typing import Any
@@ -195,8 +194,7 @@ class ViewerNode(CheckedNode):
 
 def main() -> None:
     """The executable `viewer`."""
-    os.nice(10)  # a picture can wait, a tick cannot
-    run(ViewerNode, errors=(PageError,))
+    run(ViewerNode, errors=(PageError,), gives_way=True)
 
 
 if __name__ == "__main__":

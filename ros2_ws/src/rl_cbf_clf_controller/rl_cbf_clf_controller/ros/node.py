@@ -11,6 +11,7 @@ import secrets
 from functools import partial
 
 import numpy as np
+from pydantic import Field
 from rabbit_common.message_checks import Refused, doubles
 from rabbit_common.priority import scheduling, take_priority
 from rabbit_common.ros.checked_node import CheckedNode
@@ -24,13 +25,23 @@ from rabbit_msgs import msg
 
 from rl_cbf_clf_controller.controller import DYNAMIC, Controller
 from rl_cbf_clf_controller.fitted_policy import fitted
+from rl_cbf_clf_controller.kinds import ControllerName
 from rl_cbf_clf_controller.message_fields import state_fields, terms_fields
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_cbf_clf_controller.ros.policies import ZERO, CheckedPolicy, NodeParameters, Policies
 from rl_cbf_clf_controller.ros.tick_intake import TickIntake
 from rl_cbf_clf_controller.scene import ControllerError
+from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP
 from rl_cbf_clf_controller.weights import PolicyFileError
+
+
+class Settings(ControllerParameters):
+    """Those of the controller: of a node that names none, one that a trainer's policies belong to."""
+
+    controller: ControllerName = Field(
+        RL_CBF_CLF_QP.name, description=ControllerParameters.model_fields["controller"].description
+    )
 
 
 class ControllerNode(CheckedNode):
@@ -40,7 +51,7 @@ class ControllerNode(CheckedNode):
         super().__init__("controller")
         self._sender = f"{self.get_fully_qualified_name()} {secrets.token_hex(8)}"[-128:]
         own = declare(self, NodeParameters)
-        self._settings = declare(self, ControllerParameters, dynamic=DYNAMIC)
+        self._settings = declare(self, Settings, dynamic=DYNAMIC)
         refuse_unknown(self)
         take_priority(own.priority, self.get_logger().warning)
         self._gait = load_gaits(self._settings.gait)

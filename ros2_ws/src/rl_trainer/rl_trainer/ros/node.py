@@ -46,7 +46,7 @@ class NodeParameters(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    plan_episodes: bool = Field(False, description="the simulator follows the plans: publish each one's policy")
+    plan_episodes: bool = Field(True, description="publish the policy of each plan, for simulator and controller")
     policy: str = Field(
         ZeroPolicy.version, description="to learn on from: zero (from scratch), the name of a shipped one, or a file"
     )
@@ -207,7 +207,7 @@ def make_trainer(training: TrainingParameters, own: NodeParameters) -> Trainer:
 
 def main() -> None:
     """The executable `trainer`."""
-    run(TrainerNode, errors=(CheckpointError, PolicyFileError))
+    run(TrainerNode, errors=(CheckpointError, PolicyFileError), gives_way=True)
 
 
 if __name__ == "__main__":
