@@ -15,6 +15,7 @@ WORKDIR /opt/rabbit
 # What the libraries depend on, so that an edit of anything else installs none again
 COPY Makefile ./
 COPY requirements requirements
+COPY ros2_ws/stand_ins ros2_ws/stand_ins
 COPY scripts/checks.py scripts/common.py scripts/mend_ros_wheels.py scripts/pip_install.py scripts/set_up.py scripts/
 RUN make setup
 

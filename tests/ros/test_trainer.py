@@ -55,6 +55,7 @@ def test_graph_learns_the_same_weights(world: Any) -> None:
     assert ticks == [(n, c.tick) for n, mine in by_episode.items() for c in mine]
 
 
+@pytest.mark.timeout(1800)
 def test_without_a_parameter_the_graph_walks_learns_after_each_episode_and_swaps(root_world: Any) -> None:
     """The three executables as they are. The trainer is there first, so each episode is walked as it plans."""
     world, episodes, plans = root_world, root_world.hear("episode"), root_world.hear("episode_plan")
@@ -63,14 +64,13 @@ def test_without_a_parameter_the_graph_walks_learns_after_each_episode_and_swaps
     world.processes.start("simulator")
     world.wait(lambda: bool(plans))
     world.processes.start("controller")
-    last = TrainingParameters().nominal_episodes + 2
-    world.wait(lambda: any(e.episode == last and e.phase == Episode.ENDED for e in episodes), 900.0)
+    last = TrainingParameters().nominal_episodes + 1  # the first under a policy of its own
+    world.wait(lambda: any(e.episode == last and e.phase == Episode.ENDED for e in episodes), 1500.0)
     begun = [e for e in episodes if e.phase == Episode.RUNNING and not e.controller][:last]
     asked = [(plan.seed, plan.sigma, plan.policy_version) for plan in plans[:last]]
     assert [(e.seed, e.sigma, e.policy_version) for e in begun] == asked
     versions = [plan.policy_version for plan in plans[:last]]
-    assert versions == ["zero"] * (last - 2) + [message.version for message in weights[:2]]
-    assert len(set(versions)) == 3
+    assert versions == ["zero"] * (last - 1) + [weights[0].version]
     for number, version in enumerate(versions, 1):
         assert {c.policy_version for c in commands if c.episode == number} == {version}
     outcomes = {e.episode: e.outcome for e in episodes if e.phase == Episode.ENDED}

@@ -38,7 +38,7 @@ def in_shell(script: str, folder: Path) -> subprocess.CompletedProcess[str]:
     """Run it there, over the environment alone."""
     kept = {name: os.environ[name] for name in ("PATH", "HOME")} | {"ROS_DOMAIN_ID": str(1 + os.getpid() % 100)}
     command = ["bash", "-c", f"source {ROOT}/.venv/setup.bash; {script}"]
-    return subprocess.run(command, cwd=folder, env=kept, capture_output=True, text=True, timeout=900)
+    return subprocess.run(command, cwd=folder, env=kept, capture_output=True, text=True, timeout=1800)
 
 
 def colcon(*arguments: str, logs: Path) -> subprocess.CompletedProcess[str]:
@@ -75,7 +75,7 @@ def test_each_package_builds_alone_on_what_it_declares(package: str, copied: Pat
     assert Path(done.stdout.splitlines()[-1]).is_relative_to(tmp_path / "install" / package)
 
 
-@pytest.mark.timeout(900)
+@pytest.mark.timeout(1800)
 def test_a_copy_of_the_sources_walks_with_all_nodes(walking: Path) -> None:
     options = "--controller cbf-clf-qp --sensors lab --stones 1 --view --view-port 0 --no-pictures --no-video"
     done = in_shell(f"source install/setup.bash; rabbit walk {options} --ready-timeout 600 --out walk", walking)
@@ -84,7 +84,7 @@ def test_a_copy_of_the_sources_walks_with_all_nodes(walking: Path) -> None:
     assert len(list(walking.glob("walk/log/*.log"))) == 6
 
 
-@pytest.mark.timeout(900)
+@pytest.mark.timeout(1800)
 def test_each_executable_of_the_copy_starts(walking: Path) -> None:
     """As far as its parameters, of which it is given one that it does not have: it ends with that word."""
     found = [path for path in walking.glob("install/*/lib/*/*") if path.parts[-4] == path.parts[-2]]

@@ -79,7 +79,7 @@ class HeldGraph(CampaignGraph):
             "simulator": {"episodes": 1_000_000, "readers": 1 + len(NODES[1:]), "trainer": "wait", "start_paused": True}
             | {"memory": str(self.folder / "simulator.memory"), "answer_timeout": 600.0, **PLANT.model_dump()},
             "controller": PARAMETERS.model_dump(mode="json"),
-            "trainer": {"folder": str(self.training), **TRAINING.model_dump(mode="json")},
+            "trainer": {"folder": str(self.training), "plan_episodes": False, **TRAINING.model_dump(mode="json")},
             "recorder": {"path": str(self.folder / "recording")},
         }
         return own[name.removesuffix("2")]
