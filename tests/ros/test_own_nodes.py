@@ -13,6 +13,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from geometry_msgs.msg import Quaternion
+from own_systems.ros.robot_controller import yaw_of
 from page_client import PageClient, free_port
 from rabbit_common.exit_codes import ExitCode
 from rabbit_recording.contents import contents
@@ -142,3 +144,8 @@ def test_a_controller_that_is_not_there_is_one_line(tmp_path: Path, controller: 
     assert done.returncode == code
     assert word in done.stderr
     assert len(done.stderr.splitlines()) == 1
+
+
+def test_a_turn_too_large_for_its_squares_is_not_known() -> None:
+    assert math.isnan(yaw_of(Quaternion(y=1e200, z=1e200, w=1e200, x=-1e200)))
+    assert yaw_of(Quaternion(z=math.sin(0.3), w=math.cos(0.3))) == pytest.approx(0.6)

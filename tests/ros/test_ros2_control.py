@@ -1,16 +1,19 @@
 """A robot behind ros2_control's standard topics, played by a stand-in in its own process: it walks, and it stops."""
 
 import json
+import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from itertools import count
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from rabbit_bringup.ros.ros2_control import Hardware, HardwareParameters, in_world
-from rabbit_common.ros.conversions import foot_wrench, header
+from rabbit_bringup.hardware import in_world
+from rabbit_common.ros.conversions import encoder_message, foot_wrench, header, imu_message
+from rabbit_description.state import ACTUATED, BodySensors
 from rabbit_msgs.msg import Episode
 from rabbit_recording.timing import real_time_figures
 from rclpy.qos import qos_profile_sensor_data
@@ -20,33 +23,40 @@ from std_srvs.srv import SetBool
 
 STAND_IN = Path(__file__).parents[1] / "shared" / "ros2_control_stand_in.py"
 GAIT = "stones_0350_084"
-STALE = 10.0  # s of the wall clock: on a busy machine a torque may take long, and the stand-in waits for it
+PATIENT = 10.0  # s of the wall clock: on a busy machine a torque may take long, and the stand-in waits for it
+SILENCE = 1.5  # s of the wall clock, in tests of those who die
 
 Start = Callable[..., "subprocess.Popen[str]"]
 
 
 @pytest.fixture
 def start(world: Any) -> Iterator[Start]:
-    """Starts stand-in, node and controller, and enables the robot; `commands` of the world are what it is sent."""
+    """Starts stand-in, guard, bridge and controller, and enables the robot; `commands` of the world are what it is
+    sent. `patience`: the time-outs of drives, guard and bridge."""
     processes: list[subprocess.Popen[str]] = []
     world.commands = []
     world.node.create_subscription(Float64MultiArray, "commands", world.commands.append, 10)
 
-    def make(stones: int, mute: int = 0, **own: Any) -> "subprocess.Popen[str]":
+    def make(
+        stones: int, wrong: str = "", wrong_from: int = 0, patience: float = PATIENT, **own: Any
+    ) -> "subprocess.Popen[str]":
         plant = {"stones": stones, "motor_lag": 0.004}
-        asked = {"plant": plant, "gait": GAIT, "seed": 1, "pace": 1, "mute": mute, "waits": True, "seconds": 200}
+        asked = {"plant": plant, "gait": GAIT, "seed": 1, "pace": 1, "waits": True, "seconds": 200}
+        asked |= {"timeout": patience, "wrong": wrong, "wrong_from": wrong_from}
         space = ("--ros-args", "-r", f"__ns:=/{world.namespace}")
         robot = subprocess.Popen(
             [sys.executable, STAND_IN, json.dumps(asked), *space], stdout=subprocess.PIPE, text=True
         )
         processes.append(robot)
-        parameters = {"stones": stones, "gait": GAIT, "stale": STALE, "answer_timeout": 60.0, "held_ticks": 1000, **own}
-        words = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
-        world.processes.start("simulator", (*space, *words), "ros2_control", "rabbit_bringup")
+        world.processes.start("guard", (*space, "-p", f"timeout:={patience}"), "command_guard", "rabbit_bringup")
+        parameters = {"stones": stones, "gait": GAIT, "stale": patience, "answer_timeout": 60.0, "held_ticks": 1000}
+        words = [word for name, value in {**parameters, **own}.items() for word in ("-p", f"{name}:={value}")]
+        world.processes.start("bridge", (*space, *words), "ros2_control", "rabbit_bringup")
         world.start("controller", controller="cbf-clf-qp", objective="pd_centred", gait=GAIT)
         said = world.hear("diagnostics")
         world.wait(lambda: any(s.name.endswith("/controller") and s.level == s.OK for m in said for s in m.status))
-        assert world.ask(SetBool, "pause", data=False).success
+        world.wait(lambda: any(s.name.endswith("/command_guard") and s.level == s.OK for m in said for s in m.status))
+        world.wait(lambda: world.ask(SetBool, "pause", data=False).success)
         return robot
 
     yield make
@@ -80,10 +90,10 @@ def test_the_robot_walks_through_standard_topics_alone(world: Any, start: Start,
 
 
 def test_it_stops_where_the_sensors_fall_silent(world: Any, start: Start) -> None:
-    start(20, mute=30, stale=2.0)
+    start(20, "silent", 30, stale=SILENCE)
     end = ended(world)
     assert end.outcome == "fault"
-    assert end.reason.startswith("no sensors for 2.")
+    assert end.reason.startswith("no sensors for 1.5")
     assert_at_rest(world)
 
 
@@ -114,30 +124,108 @@ def assert_at_rest(world: Any) -> None:
     assert all(list(message.data) == [0.0] * 4 for message in world.commands)
 
 
-def test_a_message_of_other_joints_is_refused(world: Any) -> None:
+@pytest.mark.parametrize(
+    ("wrong", "refusal"),
+    [
+        (JointState(name=["left_hip", "left_knee"], position=[0.0] * 2, velocity=[0.0] * 2), "other joints"),
+        (JointState(name=list(ACTUATED), position=[0.0] * 4, velocity=[0.0] * 3), "wrong length"),
+    ],
+)
+def test_joints_that_are_not_the_robots_are_refused(world: Any, wrong: JointState, refusal: str) -> None:
     said = world.hear("diagnostics")
     space = ("--ros-args", "-r", f"__ns:=/{world.namespace}")
-    world.processes.start("simulator", space, "ros2_control", "rabbit_bringup")
+    world.processes.start("bridge", space, "ros2_control", "rabbit_bringup")
     publisher = world.node.create_publisher(JointState, "joint_states", qos_profile_sensor_data)
     world.wait(lambda: publisher.get_subscription_count() > 0)
     world.spin(0.5)
-    wrong = JointState(name=["left_hip", "left_knee"], position=[0.0, 0.0], velocity=[0.0, 0.0])
 
     def is_refused() -> bool:
         publisher.publish(wrong)
-        return any("refused joint_states: other joints" in v.key for m in said for s in m.status for v in s.values)
+        return any(f"refused joint_states: {refusal}" in v.key for m in said for s in m.status for v in s.values)
 
     world.wait(is_refused)
 
 
-def test_a_torque_goes_as_far_and_as_fast_as_it_may() -> None:
-    sent: list[Any] = []
-    robot = Hardware(HardwareParameters(command_rate=1e3, command_limit=25.0), sent.append)
-    for _ in range(4):
-        robot.command(np.array([100.0, -100.0, 5.0, 0.0]))
-    robot.stop()
-    steps = [[10, -10, 5, 0], [20, -20, 5, 0], [25, -25, 5, 0], [25, -25, 5, 0], [0, 0, 0, 0]]
-    np.testing.assert_allclose(sent, steps)
+@pytest.mark.parametrize(
+    ("wrong", "name"),
+    [
+        ("slow", "tick too long: 0.020 s"),
+        ("skew", "skew: imu is 5.0"),
+        ("back", "clock went back: joint_states from 0."),
+        ("frozen", "frozen encoders: "),
+    ],
+)
+def test_wrong_sensors_end_the_walk_under_their_own_name(world: Any, start: Start, wrong: str, name: str) -> None:
+    start(20, wrong, 40)
+    end = ended(world)
+    assert end.outcome == "fault"
+    assert end.reason.startswith(name)
+    assert_at_rest(world)
+
+
+@pytest.mark.parametrize("dead", [("bridge",), ("controller",), ("bridge", "controller")])
+def test_no_torque_outlives_who_commanded_it(world: Any, start: Start, dead: tuple[str, ...]) -> None:
+    start(20, patience=SILENCE)
+    world.wait(lambda: len(torques(world)) > 40)
+    world.processes.kill(dead)
+    assert_at_rest(world)
+
+
+def test_without_a_guard_too_the_drives_have_a_time_out(world: Any, start: Start) -> None:
+    robot = start(20, patience=SILENCE)
+    world.wait(lambda: len(torques(world)) > 40)
+    world.processes.kill(("guard", "bridge", "controller"))
+    assert any(world.commands[-1].data)
+    assert json.loads(robot.communicate(timeout=60)[0])["torque"] == [0.0] * 4
+
+
+def test_a_bridge_that_stood_still_sends_no_torque_of_old_sensors(world: Any, start: Start) -> None:
+    start(20, patience=SILENCE)
+    world.wait(lambda: len(torques(world)) > 40)
+    world.processes.send("bridge", signal.SIGSTOP)
+    world.spin(2 * SILENCE)
+    world.commands.clear()
+    world.processes.send("bridge", signal.SIGCONT)
+    end = ended(world)
+    assert (end.outcome, end.reason[:14]) == ("fault", "no sensors for")
+    assert not torques(world)
+
+
+def torques(world: Any) -> list[Any]:
+    """The commands that are not zero."""
+    return [message for message in world.commands if any(message.data)]
+
+
+def hanging(at: Any) -> dict[str, Any]:
+    """What the sensors of a robot say that hangs upright with one knee bent."""
+    angles, upright = np.array([0.0, 1.5, 0.0, 0.0]), np.array([1.0, 0.0])
+    sensors = BodySensors(angles, np.zeros(4), upright, 0.0, np.array([0.0, 9.81]))
+    feet = {f"{foot}_foot/wrench": foot_wrench(np.zeros(2), 0.0, i, at) for i, foot in enumerate(("left", "right"))}
+    return {"joint_states": encoder_message(sensors, at), "imu": imu_message(sensors, at, (1e-5,) * 3), **feet}
+
+
+def test_a_robot_elsewhere_is_not_enabled_and_told_why(world: Any) -> None:
+    space = ("--ros-args", "-r", f"__ns:=/{world.namespace}")
+    world.processes.start("guard", space, "command_guard", "rabbit_bringup")
+    world.processes.start("bridge", (*space, "-p", "stale:=10.0"), "ros2_control", "rabbit_bringup")
+    assert world.ask(SetBool, "pause", data=False).message == "no sensors: joint_states has said nothing"
+    publishers = {
+        name: world.node.create_publisher(type(message), name, qos_profile_sensor_data)
+        for name, message in hanging(header(0)).items()
+    }
+    ticks = count(1)
+    world.wait(lambda: all(each.get_subscription_count() for each in publishers.values()))
+
+    def refusal() -> str:
+        for _ in range(3):
+            at = header(next(ticks))
+            for name, message in hanging(at).items():
+                publishers[name].publish(message)
+        return str(world.ask(SetBool, "pause", data=False).message)
+
+    world.wait(lambda: "not near" in refusal())
+    assert "left_knee 1.50 (expected 0.21)" in refusal()
+    assert "torso 0.00 (expected 0.29)" in refusal()
 
 
 def test_a_force_in_the_sole_is_that_of_the_ground() -> None:

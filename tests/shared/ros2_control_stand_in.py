@@ -1,7 +1,8 @@
 """A robot in a physics engine that speaks ros2_control's standard topics, as one in `mujoco_ros2_control` does.
 
 It hangs still in the first state of a walk until it is commanded; then its clock runs, whoever answers, and the newest
-command acts. As it ends it prints how it went, and how old commands were when they came.
+command acts, for as long as its drives hear one. As it ends it prints how it went, and how old commands were when they
+came.
 """
 
 import json
@@ -25,10 +26,14 @@ VARIANCES = (1e-5, 1e-5, 1e-2)
 
 
 class StandIn:
-    """Runs at `pace` times real time; silent from tick `mute` on. `waits`: for a command to each tick."""
+    """Runs at `pace` times real time. `waits`: for a command to each tick; `timeout`: of its drives, s.
 
-    def __init__(self, node, plant, gait, seed, pace, mute, waits):
-        self.mute, self.waits, self.is_answered = mute, waits, False
+    From tick `wrong_from` on, if that is not 0, its sensors are `wrong`: silent, slow, skew, back or frozen.
+    """
+
+    def __init__(self, node, plant, gait, seed, pace, waits, timeout, wrong, wrong_from):
+        self.wrong, self.wrong_from, self.waits, self.is_answered = wrong, wrong_from, waits, False
+        self.timeout, self.commanded = timeout, time.monotonic()
         self.simulation = Simulation(plant, load_gaits(gait))
         self.state = self.simulation.reset(seed)
         self.torque, self.last, self.clock, self.ages = np.zeros(4), np.zeros(4), 1, []
@@ -41,33 +46,44 @@ class StandIn:
         node.create_timer(TICK_SECONDS / pace, self.tick)
 
     def on_command(self, message):
-        self.torque = np.array(message.data)
+        self.torque, self.commanded = np.array(message.data), time.monotonic()
         if self.torque.any():
             self.is_answered = True
             self.ages.append((time.monotonic() - self.sent) * 1e3)
 
     def tick(self):
+        if time.monotonic() - self.commanded > self.timeout:
+            self.torque = np.zeros(4)
         if self.waits and self.state.tick and not self.is_answered:
             return
         if self.state.running and (self.torque.any() or self.state.tick):
             self.last, self.is_answered = self.torque, False
             self.state = self.simulation.step(self.torque)
-        self.clock += 1
-        if not 0 < self.mute < self.state.tick:
-            self.speak()
+        wrong = self.wrong if 0 < self.wrong_from < self.state.tick else ""
+        self.clock += 2 if wrong == "slow" else 1
+        if wrong != "silent":
+            self.speak(wrong)
 
-    def speak(self):
+    def speak(self, wrong):
         at, truth = header(self.clock), self.simulation.reading.q
         self.sent = time.monotonic()
         sensors = self.state.sensors
         if not self.state.tick:  # it hangs: its accelerometer feels its weight
             felt = 9.81 * np.array([-np.sin(sensors.attitude), np.cos(sensors.attitude)])
             sensors = replace(sensors, specific_force=felt)
-        joints = encoder_message(sensors, at, self.last)
+        joints, imu = encoder_message(sensors, at, self.last), imu_message(sensors, at, VARIANCES)
+        if wrong == "frozen":
+            joints.position, joints.velocity = self.frozen
+        else:
+            self.frozen = joints.position, joints.velocity
+        if wrong == "back":
+            joints.header = header(1)
+        if wrong == "skew":
+            imu.header = header(self.clock + 500)
         for name in ("name", "position", "velocity", "effort"):  # a broadcaster has an order of its own
             setattr(joints, name, getattr(joints, name)[::-1])
         self.joints.publish(joints)
-        self.imu.publish(imu_message(sensors, at, VARIANCES))
+        self.imu.publish(imu)
         for leg in Leg:
             angle = float(truth[2] + truth[3 + 2 * leg] + truth[4 + 2 * leg])
             self.feet[leg].publish(foot_wrench(self.state.foot_force[leg], angle, leg, at))
@@ -78,8 +94,8 @@ def main():
     rclpy.init()
     node = rclpy.create_node("hardware")
     plant = SimulationParameters(**asked["plant"], sensors="lab")
-    how = (asked["pace"], asked.get("mute", 0), asked.get("waits", False))
-    robot = StandIn(node, plant, asked["gait"], asked["seed"], *how)
+    how = {name: asked[name] for name in ("gait", "seed", "pace", "waits", "timeout", "wrong", "wrong_from")}
+    robot = StandIn(node, plant, **how)
     end = time.monotonic() + asked["seconds"]
     rests = 0
     while time.monotonic() < end and rests < 200:

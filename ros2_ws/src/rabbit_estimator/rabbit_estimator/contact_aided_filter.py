@@ -62,6 +62,10 @@ class EstimatorError(ValueError):
     """What the filter was given cannot be used."""
 
 
+class LostError(EstimatorError):
+    """Nothing is known of the state any more: the numbers are too large to go on with."""
+
+
 class ContactAidedFilter:
     """One robot's state, tick by tick: `update` takes what its sensors say and fills in `q` and `dq`.
 
@@ -84,7 +88,17 @@ class ContactAidedFilter:
 
         Raises:
             EstimatorError: no sensors in it, numbers that are not finite, or not the tick after the last one.
+            LostError: numbers that are finite, and too large.
         """
+        try:
+            found = self._updated(state)
+        except np.linalg.LinAlgError as error:
+            raise LostError(f"the estimator cannot go on: {error}") from error
+        if not np.isfinite([*found.q, *found.dq]).all():
+            raise LostError(f"the estimator cannot go on: q = {found.q}, dq = {found.dq}: expected finite numbers")
+        return found
+
+    def _updated(self, state: RobotState) -> RobotState:
         sensors, p = state.sensors, self.parameters
         if sensors is None:
             raise EstimatorError("state.sensors = None: expected encoders and IMU, as the simulator's sensors lab give")

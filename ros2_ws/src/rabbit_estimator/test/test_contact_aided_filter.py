@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 from pydantic import BaseModel
 from rabbit_description.state import TICK_SECONDS, BodySensors, Leg, RobotState, orientation_of
-from rabbit_estimator.contact_aided_filter import COMPLIANCE, MEASURED, OFFSET, ContactAidedFilter, EstimatorError
+from rabbit_estimator.contact_aided_filter import (
+    COMPLIANCE,
+    MEASURED,
+    OFFSET,
+    ContactAidedFilter,
+    EstimatorError,
+    LostError,
+)
 from rabbit_estimator.encoder_gate import PATIENCE
 from rabbit_estimator.leg_kinematics import foothold, foothold_jacobian
 from rabbit_estimator.parameters import EstimatorParameters
@@ -206,6 +213,24 @@ def test_what_cannot_be_used_is_named_and_changes_nothing(wrong, name):
     with pytest.raises(EstimatorError, match=name):
         estimator.update(wrong)
     assert (estimator.update(state(1)).q == fresh.update(state(1)).q).all()
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_what_is_finite_and_too_large_gives_no_state_in_part():
+    """q and dq are finite, or their loss is said."""
+    rng, lost = np.random.default_rng(0), 0
+    for _ in range(100):
+        estimator = ContactAidedFilter(EstimatorParameters())
+        estimator.update(state(0))
+        large = rng.normal(size=4) * 10.0 ** rng.uniform(-3, 300, 4)
+        rate = float(rng.normal() * 10.0 ** rng.uniform(-3, 300))
+        try:
+            found = estimator.update(state(1, joint_rates=large, pitch_rate=rate, specific_force=large[:2]))
+        except LostError:
+            lost += 1
+        else:
+            assert np.isfinite([*found.q, *found.dq]).all()
+    assert lost > 50
 
 
 def test_it_knows_the_errors_of_the_sensors_but_trusts_none_to_be_perfect():

@@ -18,7 +18,7 @@ from rabbit_description.robot_states import RobotStates
 from rabbit_description.state import JOINTS, SWAP_STATE, SWAP_TORQUE, TICK_SECONDS, Array, Leg
 
 from rl_cbf_clf_controller.batch_functions import BatchFunction, answers, batch_with_daqp
-from rl_cbf_clf_controller.controller import NO_TORQUE, ROUNDING, Controller
+from rl_cbf_clf_controller.controller import NO_TORQUE, ROUNDING, Controller, not_finite
 from rl_cbf_clf_controller.controller_output import Acted, ControllerOutput, flat
 from rl_cbf_clf_controller.policy import LearnedPolicy, Policy
 from rl_cbf_clf_controller.residual_policy import Memory, ResidualPolicy
@@ -243,6 +243,9 @@ class BatchController:
             for i in saturated.nonzero()[0].tolist():
                 with refusing(scene.errors, i):
                     mu[i] = np.linalg.solve(a[i], torque[i] - b[i])
+        for i in (~np.isfinite(torque.sum(axis=1) + mu.sum(axis=1))).nonzero()[0].tolist():
+            faults.setdefault(i, not_finite(wanted[i]))
+            saturated[i], torque[i], mu[i], mu_qp[i] = False, 0.0, 0.0, 0.0
         self._torque = torque
         known = (self._robots.shown, [flat(parts[1][i]) for i in range(n)]) if self._robots else ()
         torque = self._by_stance(torque, SWAP_TORQUE)

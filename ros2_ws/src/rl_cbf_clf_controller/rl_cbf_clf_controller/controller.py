@@ -329,6 +329,9 @@ class Controller:
         saturated = largest > p.torque_limit + ROUNDING
         if saturated:
             mu = np.linalg.solve(values.control_a, torque - values.control_b)
+        if not (is_finite(torque) and is_finite(mu)):
+            fault, saturated = fault or not_finite(wanted), False
+            torque, mu, mu_qp = np.zeros((3, JOINTS))
         self._torque = torque
         self._held = torque[SWAP_TORQUE] if step.stance is Leg.RIGHT else torque
         self._acted = Acted(self._held, mu, mu_qp, omega, saturated, self.policy.version, fault)
@@ -392,6 +395,11 @@ class Controller:
         """How many of the observations there are: the robot's; on stones the near edge, and a library's step length."""
         is_seen = stone is not None and self.parameters.terrain == "stones"
         return len(STATE_OBSERVATION) + (1 + len(steps.wanted) if is_seen else 0)
+
+
+def not_finite(torque: Array) -> str:
+    """Why an episode ends whose state is finite, and too large for the model."""
+    return f"torque not finite: {torque.tolist()} N m"
 
 
 def check_stone(stone: StonePreview | None, index: int) -> None:

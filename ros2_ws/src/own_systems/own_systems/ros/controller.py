@@ -34,9 +34,9 @@ class ControllerNode(TaskNode):
         self._exploring = np.random.default_rng(0)
         self._answer: msg.TorqueCommand | None = None  # the newest
         self._torques = self.create_publisher(msg.TorqueCommand, "torque", TICK)
-        self._states = self._hear(msg.RobotState, "state", self._on_state, TICK)
-        self._hear(msg.TaskParameters, "parameters", self._on_parameters, TICK)
-        self._hear(msg.Episode, "episode", self._on_episode, EVENT)
+        self._states = self._hear_simulator(msg.RobotState, "state", self._on_state, TICK)
+        self._hear_simulator(msg.TaskParameters, "parameters", self._on_parameters, TICK)
+        self._hear_simulator(msg.Episode, "episode", self._on_episode, EVENT)
 
     # What comes in
 

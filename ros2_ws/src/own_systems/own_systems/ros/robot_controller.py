@@ -17,7 +17,7 @@ from typing import Literal
 
 import numpy as np
 from cbf_clf_qp.functions import Array
-from geometry_msgs.msg import Twist
+from geometry_msgs.msg import Quaternion, Twist
 from nav_msgs.msg import Odometry
 from pydantic import Field
 from rabbit_common.message_checks import array_of, check_finite, doubles
@@ -93,8 +93,7 @@ class RobotControllerNode(TaskNode):
     def _on_odometry(self, message: Odometry) -> None:
         """In the world; the message has the twist in the robot's frame."""
         pose, twist = message.pose.pose, message.twist.twist
-        o = pose.orientation
-        yaw = math.atan2(2 * (o.w * o.z + o.x * o.y), 1 - 2 * (o.y**2 + o.z**2))
+        yaw = yaw_of(pose.orientation)
         forward, left = twist.linear.x, twist.linear.y
         q = {"x": pose.position.x, "y": pose.position.y, "yaw": yaw}
         dq = {
@@ -193,6 +192,11 @@ class RobotControllerNode(TaskNode):
         if missing := self._missing():
             return WARN, missing, figures
         return OK, "paused" if self._paused else "commands the robot", figures
+
+
+def yaw_of(o: Quaternion) -> float:
+    """The turn about z, rad; NaN where the numbers are too large."""
+    return math.atan2(2 * (o.w * o.z + o.x * o.y), 1 - 2 * (o.y * o.y + o.z * o.z))  # `**` would raise OverflowError
 
 
 def main() -> None:

@@ -19,6 +19,7 @@ from rabbit_common.ros.qos import EVENT, TICK
 from rabbit_common.ros.spin import run, steady_timer
 from rabbit_msgs import msg
 from rabbit_sim.ros.live_controllers import LOOK_SECONDS, ControllerAdmission, Wait
+from rabbit_sim.ros.other_simulators import OtherSimulators
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Header
 
@@ -53,7 +54,9 @@ class SimulatorNode(CheckedNode):
         self._own = declare(self, NodeParameters)
         refuse_unknown(self)
         self.task = load_task(self._own.task)
-        self._episode = msg.Episode(sigma=np.nan, tick_seconds=self.task.seconds, **layout_fields(self.task))
+        self._others = OtherSimulators(self, self._claim, self._give_way)
+        known = {"tick_seconds": self.task.seconds, "sender": self._others.sender, **layout_fields(self.task)}
+        self._episode = msg.Episode(sigma=np.nan, **known)
         self._x: Array | None = None  # None between episodes
         self._u = np.zeros(len(self.task.names_of_u))
         self._clock_ticks = 0
@@ -114,8 +117,10 @@ class SimulatorNode(CheckedNode):
     def _look(self) -> None:
         """Begin what can begin; ask again, or end what nobody answers."""
         self._wait.look()
+        self._others.look()
         if self._x is None:
-            if self._episode.episode < self._own.episodes and self._is_heard() and self._is_planned():
+            is_open = self._episode.episode < self._own.episodes and self._others.may_play
+            if is_open and self._is_heard() and self._is_planned():
                 self._begin()
         elif not self._own.real_time and self._wait.seconds > self._own.answer_timeout:
             self._end("silent", f"no torque for tick {self._episode.tick} in {self._own.answer_timeout:g} s")
@@ -170,6 +175,12 @@ class SimulatorNode(CheckedNode):
     def _commanded(self) -> Any:
         return self._commands(self._episode.tick * self.task.seconds)
 
+    def _claim(self) -> None:
+        self._announce(self._episode.phase)
+
+    def _give_way(self, reason: str) -> None:
+        self._end("reset", reason)
+
     # What goes out
 
     def _announce(self, phase: int) -> None:
@@ -179,7 +190,8 @@ class SimulatorNode(CheckedNode):
     def _publish(self, running: bool) -> None:
         """A tick's messages; parameters first, so that a reader of the state has them."""
         assert self._x is not None
-        head = {"header": self._header(), "episode": self._episode.episode, "tick": self._episode.tick}
+        turn = {"episode": self._episode.episode, "tick": self._episode.tick}
+        head = {"header": self._header(), "sender": self._others.sender, **turn}
         p = self.task.parameters_at({}, self._commanded())
         self._commanding.publish(msg.TaskParameters(**head, **parameter_fields(self.task, p)))
         fields = {**state_fields(self.task, self._x, self._u, self._episode.touchdowns), "running": running}
@@ -195,6 +207,8 @@ class SimulatorNode(CheckedNode):
     def _status(self) -> Status:
         figures = {"episode": self._episode.episode, "outcome": self._episode.outcome}
         is_done = self._x is None and self._episode.episode >= self._own.episodes
+        if self._others.refusal:
+            return WARN, self._others.refusal, figures
         if self._x is None and not is_done and not self._is_heard():
             return WARN, "waiting for a controller, or more readers", figures
         if self._x is None and not is_done and not self._is_planned():

@@ -8,10 +8,10 @@ from cbf_clf_qp.functions import Array
 from pydantic import Field
 from rabbit_common.message_checks import Refused
 from rabbit_common.priority import take_priority
-from rabbit_common.ros.checked_node import CheckedNode
 from rabbit_common.ros.diagnostics import Diagnostics, Status
 from rabbit_common.ros.parameters import declare, refuse_unknown
 from rabbit_common.ros.qos import TICK
+from rabbit_common.ros.simulator_follower import SimulatorFollower
 from rabbit_msgs import msg
 from rl_cbf_clf_controller.ros import policies
 from rl_cbf_clf_controller.weights import PolicyFileError
@@ -32,7 +32,7 @@ class NodeParameters(policies.NodeParameters):
     policy: str = Field(NOMINAL, description="nominal, oracle, one of the task's own, KIND:FILE, or a policy's file")
 
 
-class TaskNode(CheckedNode):
+class TaskNode(SimulatorFollower):
     """Decides ticks of a task. `tick`: the turn, an episode and its tick, that is decided next or was the last."""
 
     PARAMETERS = NodeParameters

@@ -12,10 +12,10 @@ import numpy as np
 from cbf_clf_qp.functions import Array
 from pydantic import BaseModel, ConfigDict, Field
 from rabbit_common.message_checks import Refused, array_of
-from rabbit_common.ros.checked_node import CheckedNode
 from rabbit_common.ros.diagnostics import OK, Diagnostics, Status
 from rabbit_common.ros.parameters import declare, refuse_unknown
 from rabbit_common.ros.qos import EVENT, TICK, WEIGHTS
+from rabbit_common.ros.simulator_follower import SimulatorFollower
 from rabbit_common.ros.spin import run
 from rabbit_msgs import msg
 from rl_cbf_clf_controller.policy import ActorPolicy
@@ -40,7 +40,7 @@ class NodeParameters(BaseModel):
     path: str = Field("policy.safetensors", min_length=1, description="the policy's file after all episodes")
 
 
-class TrainerNode(CheckedNode):
+class TrainerNode(SimulatorFollower):
     """Plans, hears, learns."""
 
     def __init__(self) -> None:
@@ -54,9 +54,9 @@ class TrainerNode(CheckedNode):
         self._plans = self.create_publisher(msg.EpisodePlan, "episode_plan", EVENT)
         self._diagnostics = Diagnostics(self, self._message_counter, self._status)
         self._begin()
-        self._hear(msg.RobotState, "state", self._on_state, TICK)
-        self._hear(msg.TaskParameters, "parameters", self._on_parameters, TICK)
-        self._hear(msg.Episode, "episode", self._on_episode, EVENT)
+        self._hear_simulator(msg.RobotState, "state", self._on_state, TICK)
+        self._hear_simulator(msg.TaskParameters, "parameters", self._on_parameters, TICK)
+        self._hear_simulator(msg.Episode, "episode", self._on_episode, EVENT)
         self.get_logger().info(f"ready: task {self.task.name}, {self._own.episodes} episodes")
 
     # What comes in

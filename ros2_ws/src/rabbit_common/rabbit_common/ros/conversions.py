@@ -92,9 +92,9 @@ def is_unknown(message: msg.RobotState) -> bool:
     return all(map(math.isnan, message.q)) and all(map(math.isnan, message.dq))
 
 
-def preview_message(preview: StonePreview, episode: int, at: Header) -> msg.StonePreview:
+def preview_message(preview: StonePreview, episode: int, at: Header, sender: str = "") -> msg.StonePreview:
     """A preview as its message."""
-    return msg.StonePreview(header=at, episode=episode, **asdict(preview))
+    return msg.StonePreview(header=at, episode=episode, sender=sender, **asdict(preview))
 
 
 def preview_of(message: msg.StonePreview) -> StonePreview:
@@ -179,12 +179,11 @@ def encoders_of(message: JointState) -> tuple[Array, Array]:
 
 def joints_of(message: JointState, joints: Sequence[str]) -> tuple[Array, Array]:
     """Positions and velocities (n,) of these joints, which may come in whatever order, and with others."""
-    try:
-        order = [message.name.index(joint) for joint in joints]
-        positions, velocities = (np.array([each[i] for i in order]) for each in (message.position, message.velocity))
-    except (ValueError, IndexError) as error:
-        raise Refused("other joints", f"name = {message.name[:8]}; expected {', '.join(joints)}") from error
-    return positions, velocities
+    if missing := [joint for joint in joints if joint not in message.name]:
+        raise Refused("other joints", f"name = {message.name[:8]}; expected {', '.join(missing)} among them")
+    check_lengths(message, dict.fromkeys(("position", "velocity"), len(message.name)))
+    order = [message.name.index(joint) for joint in joints]
+    return np.array(message.position)[order], np.array(message.velocity)[order]
 
 
 def imu_message(sensors: BodySensors, at: Header, variances: Sequence[float]) -> Imu:

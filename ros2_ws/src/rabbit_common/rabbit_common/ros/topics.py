@@ -74,7 +74,7 @@ TOPICS = (
     Topic("preview", msg.StonePreview, EVENT, "1 a stone", "simulator", ("controller", "viewer")),
     Topic("landing", msg.Landing, EVENT, "1 a stone", "simulator", ("launcher", "viewer")),
     Topic("episode", msg.Episode, EVENT, "3 an episode", "simulator",
-          ("estimator", "controller", "trainer", "launcher", "viewer")),
+          ("simulator", "estimator", "controller", "trainer", "launcher", "viewer")),
     Topic("torque", msg.TorqueCommand, TICK, A_TICK, "controller", ("simulator", "trainer")),
     Topic("controller_state", msg.ControllerState, TICK, f"{A_TICK}, read", "controller",
           ("trainer", "viewer")),

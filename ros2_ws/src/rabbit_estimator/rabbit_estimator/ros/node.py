@@ -16,18 +16,18 @@ from typing import Any
 import numpy as np
 from rabbit_common.message_checks import Refused, check_finite, check_lengths, check_turn, doubles
 from rabbit_common.priority import scheduling, take_priority
-from rabbit_common.ros.checked_node import CheckedNode
 from rabbit_common.ros.conversions import LENGTHS, check_episode, encoders_of, imu_of, is_new_simulator, nanoseconds
 from rabbit_common.ros.diagnostics import OK, WARN, Diagnostics, Status
 from rabbit_common.ros.parameters import declare, refuse_unknown
 from rabbit_common.ros.qos import EVENT, TICK
+from rabbit_common.ros.simulator_follower import SimulatorFollower
 from rabbit_common.ros.spin import run
 from rabbit_description.state import DOF, BodySensors, RobotState
 from rabbit_msgs.msg import Episode
 from rabbit_msgs.msg import RobotState as StateMessage
 from sensor_msgs.msg import Imu, JointState
 
-from rabbit_estimator.contact_aided_filter import ContactAidedFilter, EstimatorError
+from rabbit_estimator.contact_aided_filter import ContactAidedFilter, EstimatorError, LostError
 from rabbit_estimator.parameters import EstimatorParameters, NodeParameters
 
 SENSORS: dict[str, tuple[Any, Callable[[Any], tuple[Any, ...]]]] = {  # by topic; the fields of `BodySensors` in turn
@@ -39,7 +39,7 @@ NEWEST = 100  # messages of a sensor that are kept for their tick
 LONG = 0.5  # s that a tick may wait for its sensors
 
 
-class EstimatorNode(CheckedNode):
+class EstimatorNode(SimulatorFollower):
     """Answers what is measured with states."""
 
     def __init__(self) -> None:
@@ -52,10 +52,10 @@ class EstimatorNode(CheckedNode):
         self._episode = Episode()
         self._forget()
         self._states = self.create_publisher(StateMessage, "state", TICK)
-        self._inputs = self._hear(StateMessage, "measured", self._on_measured, TICK)
+        self._inputs = self._hear_simulator(StateMessage, "measured", self._on_measured, TICK)
         for topic, (kind, _) in SENSORS.items():
             self._hear(kind, topic, partial(self._on_sensor, topic), TICK)
-        self._hear(Episode, "episode", self._on_episode, EVENT)
+        self._hear_simulator(Episode, "episode", self._on_episode, EVENT)
         self._diagnostics = Diagnostics(self, self._message_counter, self._status)
         self.get_logger().info("ready")
 
@@ -156,6 +156,9 @@ class EstimatorNode(CheckedNode):
         sensors = BodySensors(*(each for said in self._said.values() for each in said[at]))
         try:
             state = self._estimator.update(replace(RobotState.of_message(message, None), sensors=sensors))
+        except LostError as error:
+            self._give_up(message, str(error))
+            return True
         except EstimatorError as error:
             if not message.running:  # the robot diverged
                 return True
@@ -163,9 +166,6 @@ class EstimatorNode(CheckedNode):
             for said in self._said.values():
                 del said[at]
             return False
-        except np.linalg.LinAlgError as error:
-            self._give_up(message, f"the estimator cannot go on: {error}")
-            return True
         message.q, message.dq = doubles(state.q), doubles(state.dq)
         return True
 

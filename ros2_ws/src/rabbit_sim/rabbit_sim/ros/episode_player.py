@@ -31,21 +31,24 @@ class EpisodePlayer:
     """
 
     def __init__(
-        self, node: Node, own: NodeParameters, plant: SimulationParameters, on_due: Callable[[], None]
+        self, node: Node, own: NodeParameters, plant: SimulationParameters, on_due: Callable[[], None], sender: str
     ) -> None:
-        """`on_due` is called when a tick is due. Raises `GaitError`, `CourseError`, `RestartFileError`."""
+        """`on_due` is called when a tick is due; messages say their `sender`.
+
+        Raises `GaitError`, `CourseError`, `RestartFileError`.
+        """
         self._log, self._own = node.get_logger(), own
         self.simulation = Simulation(plant, load_gaits(own.gait))
         self._memory = RestartFile(Path(own.memory) if own.memory else None)
         before = self._memory.stand  # of a simulator that was killed
         self.clock_ticks, self._now = before.clock_ticks, header(0)
-        self.episode = episode_of(before, plant.stones)
+        self.episode = episode_of(before, plant.stones, sender)
         self.state: RobotState | None = None
         self.torque: Array | None = None
         self.stand_in = StandIn(own.held_ticks, own.damped_ticks, own.damping)
         self.admission, self.wait = ControllerAdmission(), Wait()
         self.ticks = TickClock(node, own.late_limit, on_due)
-        self.topics = SimulatorPublishers(node, plant, own)
+        self.topics = SimulatorPublishers(node, plant, own, sender)
         if before.running:
             self._log.warning(f"episode {before.episode}, tick {before.tick}: {self.episode.reason}")
 
@@ -65,7 +68,8 @@ class EpisodePlayer:
         self.admission.begin()
         self.state = state = self.simulation.reset(seed)
         number = self.episode.episode + 1
-        self.episode = of_our_robot(episode=number, seed=seed, sigma=sigma, policy_version=policy, stones=plant.stones)
+        told = {"seed": seed, "sigma": sigma, "policy_version": policy, "stones": plant.stones}
+        self.episode = of_our_robot(episode=number, sender=self.episode.sender, **told)
         self.topics.begin(self.episode)
         self.announce(Episode.RUNNING)
         self._publish(state)

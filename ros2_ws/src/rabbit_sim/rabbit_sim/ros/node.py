@@ -22,6 +22,7 @@ from rabbit_sim.parameters import NodeParameters, SimulationParameters
 from rabbit_sim.restart_file import RestartFileError
 from rabbit_sim.ros.episode_player import BY_SERVICE, EpisodePlayer
 from rabbit_sim.ros.live_controllers import LOOK_SECONDS, LiveControllers
+from rabbit_sim.ros.other_simulators import OtherSimulators
 from rabbit_sim.stones import CourseError
 
 ERRORS = (GaitError, CourseError, RestartFileError)  # of the constructor, when a file or value cannot be used
@@ -30,17 +31,19 @@ ERRORS = (GaitError, CourseError, RestartFileError)  # of the constructor, when 
 class SimulatorNode(CheckedNode):
     """Plays episodes with whoever answers its states."""
 
+    NAME = "simulator"
     PARAMETERS = NodeParameters
 
     def __init__(self) -> None:
-        super().__init__("simulator")
+        super().__init__(self.NAME)
         self._own = declare(self, self.PARAMETERS, dynamic=("pace",))
         plant = declare(self, SimulationParameters)
         refuse_unknown(self)
         take_priority(self._own.priority, self.get_logger().warning)
         self._plan: EpisodePlan | None = None
         self._paused = self._own.start_paused
-        self._player = EpisodePlayer(self, self._own, plant, self._on_due)
+        self._others = OtherSimulators(self, self._claim, self._give_way)
+        self._player = EpisodePlayer(self, self._own, plant, self._on_due, self._others.sender)
         torques = self._hear(TorqueCommand, "torque", self._on_torque, TICK)
         self._live_controllers = LiveControllers(self, torques)
         self._plans = self._hear(EpisodePlan, "episode_plan", self._on_plan, EVENT)
@@ -88,7 +91,7 @@ class SimulatorNode(CheckedNode):
 
     def _on_reset(self, request: ResetEpisode.Request, response: ResetEpisode.Response) -> ResetEpisode.Response:
         if not self._answered_by_someone():
-            response.message = "there is no controller"
+            response.message = self._others.refusal or "there is no controller"
             return response
         self._player.end("reset", BY_SERVICE)
         self._player.begin(request.seed)
@@ -96,6 +99,9 @@ class SimulatorNode(CheckedNode):
         return response
 
     def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        if self._others.refusal and not request.data:
+            response.message = self._others.refusal
+            return response
         self._paused = request.data
         self._player.wait.begin()
         self._player.ticks.sent()  # a pause makes nothing older
@@ -115,6 +121,7 @@ class SimulatorNode(CheckedNode):
     def _look(self) -> None:
         """Begin what can begin; end what nobody answers."""
         self._player.wait.look()
+        self._others.look()
         if self._paused:
             return
         if self._player.state is None:
@@ -159,7 +166,14 @@ class SimulatorNode(CheckedNode):
             self._player.begin(self._own.seed + done)
 
     def _answered_by_someone(self) -> bool:
-        return self._player.topics.readers >= self._own.readers and self._live_controllers.any
+        is_heard = self._player.topics.readers >= self._own.readers
+        return is_heard and self._live_controllers.any and self._others.may_play
+
+    def _claim(self) -> None:
+        self._player.announce(self._player.episode.phase)
+
+    def _give_way(self, reason: str) -> None:
+        self._player.end("reset", reason)
 
     def _set_pace(self, own: NodeParameters) -> None:
         """Follow a new pace between two ticks."""
@@ -182,6 +196,8 @@ class SimulatorNode(CheckedNode):
         """What the simulator waits for; empty when it goes on."""
         if self._player.state is not None:
             return "" if self._paused else self._player.missing
+        if self._others.refusal:
+            return f"the end of {self._others.first}, another simulator, which began first"
         missing = [] if self._answered_by_someone() else ["a controller, or more readers"]
         if not self._is_planned():
             missing.append(f"the trainer: no plan after episode {self._player.episode.episode}")

@@ -40,8 +40,8 @@ class SimulatorPublishers:
     A robot's own drivers say what its sensors say.
     """
 
-    def __init__(self, node: Node, p: SimulationParameters, own: NodeParameters) -> None:
-        self._log, self._is_lab = node.get_logger(), p.sensors == "lab"
+    def __init__(self, node: Node, p: SimulationParameters, own: NodeParameters, sender: str) -> None:
+        self._log, self._is_lab, self._sender = node.get_logger(), p.sensors == "lab", sender
         if self._is_lab:
             self._imu = node.create_publisher(Imu, "imu", TICK)
             self._truth = node.create_publisher(StateMessage, "true_state", TICK)
@@ -49,7 +49,7 @@ class SimulatorPublishers:
             self._variances = p.attitude_error**2, gyro, accelerometer
         self._states = node.create_publisher(StateMessage, "measured" if self._is_lab else "state", TICK)
         has_drivers = not own.IS_SIMULATED
-        self._message = StateMessage()
+        self._message = StateMessage(sender=sender)
         self._joints = None if has_drivers else node.create_publisher(JointState, "joint_states", TICK)
         feet = () if has_drivers else FEET
         self._wrenches = [node.create_publisher(WrenchStamped, f"{foot}_foot/wrench", TICK) for foot in feet]
@@ -86,7 +86,7 @@ class SimulatorPublishers:
     ) -> None:
         """A tick; what the controller needs with the state goes before it. `landings`: all of the episode."""
         if state.preview is not None and state.preview != self._preview:
-            self._previews.publish(preview_message(state.preview, episode, at))
+            self._previews.publish(preview_message(state.preview, episode, at, self._sender))
         self._preview = state.preview
         self._state(state, episode, at)
         if self._clock.get_subscription_count():  # what follows the controller does not wait for
@@ -111,7 +111,7 @@ class SimulatorPublishers:
     def again(self, state: RobotState, episode: int, at: Header) -> None:
         """What the answer to a tick needs: its reader may just have come, or have heard something else."""
         if state.preview is not None:
-            self._previews.publish(preview_message(state.preview, episode, at))
+            self._previews.publish(preview_message(state.preview, episode, at, self._sender))
         self._state(state, episode, at)
 
     def _state(self, state: RobotState, episode: int, at: Header) -> None:
@@ -131,9 +131,9 @@ def of_our_robot(**fields: Any) -> Episode:
     return Episode(**{name: list(names) for name, names in LAYOUT.items()}, **fields)
 
 
-def episode_of(before: RestartPoint, stones: int) -> Episode:
+def episode_of(before: RestartPoint, stones: int, sender: str) -> Episode:
     """The newest episode of the simulator before this one; where that was killed in its middle, it is over."""
-    episode = of_our_robot(stones=stones, **{name: getattr(before, name) for name in KEPT})
+    episode = of_our_robot(stones=stones, sender=sender, **{name: getattr(before, name) for name in KEPT})
     if not before.episode:
         episode.sigma = math.nan
     if before.running:

@@ -14,11 +14,11 @@ import numpy as np
 from pydantic import ValidationError
 from rabbit_common.message_checks import Refused, check_finite
 from rabbit_common.options import fault
-from rabbit_common.ros.checked_node import CheckedNode
 from rabbit_common.ros.conversions import preview_of
 from rabbit_common.ros.diagnostics import OK, Diagnostics, Status
 from rabbit_common.ros.parameters import declare, refuse_unknown
 from rabbit_common.ros.qos import EVENT
+from rabbit_common.ros.simulator_follower import SimulatorFollower
 from rabbit_common.ros.spin import run, steady_timer
 from rabbit_common.ros.waiting_messages import WaitingMessages
 from rabbit_description.state import RobotState, StonePreview
@@ -43,7 +43,7 @@ MOST_CONTROLLERS = 8  # whose parameters are kept
 AGAIN_SECONDS = 0.3  # without a new tick, after which the last one is shown again: somebody may just have come
 
 
-class ViewerNode(CheckedNode):
+class ViewerNode(SimulatorFollower):
     """Serves the live view."""
 
     def __init__(self) -> None:
@@ -64,8 +64,8 @@ class ViewerNode(CheckedNode):
         self._drawn: dict[str, dict[str, Any]] = {}  # parameters that the page draws, by controller, the newest last
         self._shown_at = 0.0
         self._patience = (time.monotonic() + own.wait, own.wait)
-        self._hear(msg.Episode, "episode", self._on_episode, EVENT)
-        self._hear(msg.StonePreview, "preview", self._on_preview, EVENT)
+        self._hear_simulator(msg.Episode, "episode", self._on_episode, EVENT)
+        self._hear_simulator(msg.StonePreview, "preview", self._on_preview, EVENT)
         self._hear(msg.Landing, "landing", self._on_landing, EVENT)
         self._hear(msg.ControllerSettings, "controller_settings", self._on_settings, EVENT)
         self._diagnostics = Diagnostics(self, self._message_counter, self._status)

@@ -14,10 +14,10 @@ import numpy as np
 from pydantic import Field
 from rabbit_common.message_checks import Refused, doubles
 from rabbit_common.priority import scheduling, take_priority
-from rabbit_common.ros.checked_node import CheckedNode
 from rabbit_common.ros.diagnostics import BARRIER, OK, WARN, Diagnostics, Status
 from rabbit_common.ros.parameters import ParameterError, declare, follow, refuse_unknown
 from rabbit_common.ros.qos import EVENT, TICK
+from rabbit_common.ros.simulator_follower import SimulatorFollower
 from rabbit_common.ros.spin import run
 from rabbit_description.gait import GaitError, load_gaits
 from rabbit_description.state import Array
@@ -44,7 +44,7 @@ class Settings(ControllerParameters):
     )
 
 
-class ControllerNode(CheckedNode):
+class ControllerNode(SimulatorFollower):
     """Answers states with torques."""
 
     def __init__(self) -> None:
@@ -67,9 +67,9 @@ class ControllerNode(CheckedNode):
         self._details = self.create_publisher(msg.ControllerState, "controller_state", TICK)
         self._terms = self.create_publisher(msg.LearnerTerms, "learner_terms", TICK)
         self._told_settings = self.create_publisher(msg.ControllerSettings, "controller_settings", EVENT)
-        self._states = self._hear(msg.RobotState, "state", self._on_state, TICK)
-        self._hear(msg.StonePreview, "preview", self._on_preview, EVENT)
-        self._hear(msg.Episode, "episode", self._on_episode, EVENT)
+        self._states = self._hear_simulator(msg.RobotState, "state", self._on_state, TICK)
+        self._hear_simulator(msg.StonePreview, "preview", self._on_preview, EVENT)
+        self._hear_simulator(msg.Episode, "episode", self._on_episode, EVENT)
         self._diagnostics = Diagnostics(self, self._message_counter, self._status)
         self._tell_settings()
         follow(self, self._settings, self._on_parameters)

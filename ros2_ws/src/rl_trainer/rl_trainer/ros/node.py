@@ -12,11 +12,11 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field
 from rabbit_common.message_checks import Refused
-from rabbit_common.ros.checked_node import CheckedNode
 from rabbit_common.ros.conversions import check_episode, is_new_simulator
 from rabbit_common.ros.diagnostics import ERROR, OK, WARN, Diagnostics, Status
 from rabbit_common.ros.parameters import ParameterError, declare, refuse_unknown
 from rabbit_common.ros.qos import EVENT, TICK
+from rabbit_common.ros.simulator_follower import SimulatorFollower
 from rabbit_common.ros.spin import run, steady_timer
 from rabbit_msgs import msg
 from rl_cbf_clf_controller.controller_output import ControllerOutput
@@ -56,7 +56,7 @@ class NodeParameters(BaseModel):
     plant: str = Field("{}", description="what the policy file says of the plant, JSON")
 
 
-class TrainerNode(CheckedNode):
+class TrainerNode(SimulatorFollower):
     """Hears a walk and learns from it."""
 
     failure_code = 1  # it could be used, and cannot go on
@@ -73,8 +73,11 @@ class TrainerNode(CheckedNode):
         self._held_up_since: float | None = None
         self._started = self._is_joining = False
         self._newest: msg.Episode | None = None  # where the simulator stands
-        self._inputs = [self._hear(of, part, partial(self._on_part, part), TICK) for part, of in PARTS.items()]
-        self._hear(msg.Episode, "episode", self._on_episode, EVENT)
+        self._inputs = [
+            (self._hear_simulator if part == "state" else self._hear)(of, part, partial(self._on_part, part), TICK)
+            for part, of in PARTS.items()
+        ]
+        self._hear_simulator(msg.Episode, "episode", self._on_episode, EVENT)
         self._diagnostics = Diagnostics(self, self._message_counter, self._status)
         steady_timer(self, 0.5, self._look)
         self.get_logger().info(f"ready: learns {self._training.problem}, begins with policy {own.policy}")
