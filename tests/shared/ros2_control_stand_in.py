@@ -23,6 +23,7 @@ from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import Float64MultiArray
 
 VARIANCES = (1e-5, 1e-5, 1e-2)
+HUNG_TICKS = 50  # of the wall clock, from one word of a robot that hangs and waits to the next
 
 
 class StandIn:
@@ -32,8 +33,8 @@ class StandIn:
     """
 
     def __init__(self, node, plant, gait, seed, pace, waits, timeout, wrong, wrong_from):
-        self.wrong, self.wrong_from, self.waits, self.is_answered = wrong, wrong_from, waits, False
-        self.timeout, self.commanded = timeout, time.monotonic()
+        self.wrong, self.wrong_from, self.waits, self.waited = wrong, wrong_from, waits, 0
+        self.timeout, self.commanded, self.answered = timeout, time.monotonic(), (None, np.zeros(4))
         self.simulation = Simulation(plant, load_gaits(gait))
         self.state = self.simulation.reset(seed)
         self.torque, self.last, self.clock, self.ages = np.zeros(4), np.zeros(4), 1, []
@@ -42,22 +43,33 @@ class StandIn:
         names = [f"{foot}_foot/wrench" for foot in ("left", "right")]
         self.feet = [node.create_publisher(WrenchStamped, name, qos_profile_sensor_data) for name in names]
         node.create_subscription(Float64MultiArray, "commands", self.on_command, 10)
+        node.create_subscription(JointState, "stamped_commands", self.on_stamped, 10)  # says which tick is answered
         self.sent = time.monotonic()
         node.create_timer(TICK_SECONDS / pace, self.tick)
 
     def on_command(self, message):
         self.torque, self.commanded = np.array(message.data), time.monotonic()
         if self.torque.any():
-            self.is_answered = True
             self.ages.append((time.monotonic() - self.sent) * 1e3)
+
+    def on_stamped(self, message):
+        self.answered = message.header.stamp, np.array(message.effort)
+
+    def is_answered(self):
+        """Whether the torque that acts answers the newest sensors."""
+        stamp, torque = self.answered
+        return stamp == header(self.clock).stamp and np.array_equal(torque, self.torque)
 
     def tick(self):
         if time.monotonic() - self.commanded > self.timeout:
             self.torque = np.zeros(4)
-        if self.waits and self.state.tick and not self.is_answered:
+        hangs = not (self.torque.any() or self.state.tick)
+        self.waited += 1
+        if self.waits and (self.waited < HUNG_TICKS if hangs else not self.is_answered()):
             return
-        if self.state.running and (self.torque.any() or self.state.tick):
-            self.last, self.is_answered = self.torque, False
+        self.waited = 0
+        if self.state.running and not hangs:
+            self.last = self.torque
             self.state = self.simulation.step(self.torque)
         wrong = self.wrong if 0 < self.wrong_from < self.state.tick else ""
         self.clock += 2 if wrong == "slow" else 1

@@ -9,7 +9,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
-from rabbit_description.state import ACTUATED, DOF, Array, BodySensors, Leg, RobotState
+from rabbit_description.state import ACTUATED, DOF, TICK_SECONDS, Array, BodySensors, Leg, RobotState
 from rabbit_estimator.contact_aided_filter import ContactAidedFilter
 from rabbit_estimator.parameters import EstimatorParameters
 from rabbit_sim.kinematics import RabbitFeet
@@ -92,7 +92,7 @@ class Hardware(Plant):
     def command(self, torque: Array) -> None:
         """Send a torque (4,), N m, as far and as fast as it may go by the time of the newest sensors."""
         if self._ramped_from is None:
-            self._ramped_from = self.at
+            self._ramped_from = self._sent_at = self.at - TICK_SECONDS  # the first one acts over the tick that begins
         share = min(1.0, (self.at - self._ramped_from) / self._p.ramp)
         most = self._p.command_rate * (self.at - self._sent_at)
         self._asked = torque

@@ -36,7 +36,7 @@ def test_torques_grow_from_nothing_over_the_ramp():
     for _ in range(40):
         robot.command(FULL)
         later(robot)
-    share = np.minimum(np.arange(40) / 30, 1.0)
+    share = np.minimum(np.arange(1, 41) / 30, 1.0)
     np.testing.assert_allclose(sent, share[:, None] * FULL, atol=1e-9)
 
 
@@ -47,7 +47,7 @@ def test_the_rate_is_per_second_of_the_sensors_and_not_per_command():
         later(robot)
         for _ in range(5):
             robot.command(FULL)
-    assert np.array(sent)[:, 0].tolist() == pytest.approx([0.0] + 5 * [10.0] + 5 * [20.0] + 5 * [30.0])
+    assert np.array(sent)[:, 0].tolist() == pytest.approx([10.0] + 5 * [20.0] + 5 * [30.0] + 5 * [40.0])
     robot.stop()
     assert sent[-1].tolist() == [0.0] * 4
 
@@ -73,7 +73,7 @@ def test_a_joint_may_not_stay_at_its_largest_torque():
         later(robot, angles=np.array([-0.3, 0.4, 0.2, 0.7]) + 1e-3 * ticks)
         robot.command(FULL)
         ticks += 1
-    assert ticks == 2 + 21  # the ramp begins with the first command; 20 ticks are 0.2 s
+    assert ticks == 1 + 21  # the first command is at the limit; 20 ticks are 0.2 s
     assert robot.fault == "torque limit: left_hip 0.21, left_knee 0.21 s; expected at most 0.2"
 
 

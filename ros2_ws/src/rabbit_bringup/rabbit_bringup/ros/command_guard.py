@@ -16,7 +16,7 @@ from rabbit_common.ros.diagnostics import ERROR, OK, Diagnostics, Status
 from rabbit_common.ros.parameters import declare, refuse_unknown
 from rabbit_common.ros.spin import run, steady_timer
 from rabbit_description.state import ACTUATED
-from rclpy.qos import qos_profile_sensor_data
+from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
@@ -35,7 +35,7 @@ class CommandGuardNode(CheckedNode):
         take_priority(own.priority, self.get_logger().warning)
         self._guard, self._said = CommandGuard(own), ""
         self._commands = self.create_publisher(Float64MultiArray, "commands", 10)
-        self._hear(JointState, "stamped_commands", self._on_command, 10)
+        self._hear(JointState, "stamped_commands", self._on_command, QoSProfile(depth=10))
         self._hear(JointState, "joint_states", self._on_joints, qos_profile_sensor_data)
         self._diagnostics = Diagnostics(self, self._message_counter, self._status)
         steady_timer(self, LOOK_SECONDS, self._look)

@@ -28,7 +28,7 @@ from rabbit_msgs.msg import TorqueCommand
 from rabbit_msgs.srv import ResetEpisode
 from rabbit_sim.parameters import NodeParameters
 from rabbit_sim.ros.node import ERRORS, SimulatorNode
-from rclpy.qos import qos_profile_sensor_data
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Imu, JointState
 from std_srvs.srv import SetBool
 
@@ -36,6 +36,7 @@ from rabbit_bringup.hardware import Hardware, HardwareParameters
 from rabbit_bringup.sensor_watch import SECOND, SensorClock
 
 SENSORS = ("joint_states", "imu", *FEET)
+SENSOR = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 class HardwareNode(SimulatorNode):
@@ -56,10 +57,10 @@ class HardwareNode(SimulatorNode):
         self._read: dict[str, Any] = {}
         self._sensed = time.monotonic()  # when the newest tick came
         self._done = self._player.episode.episode  # the walk that is over
-        self._hear(JointState, "joint_states", self._on_joints, qos_profile_sensor_data)
-        self._hear(Imu, "imu", self._on_imu, qos_profile_sensor_data)
+        self._hear(JointState, "joint_states", self._on_joints, SENSOR)
+        self._hear(Imu, "imu", self._on_imu, SENSOR)
         for foot in FEET:
-            self._hear(WrenchStamped, f"{foot}_foot/wrench", partial(self._on_wrench, foot), qos_profile_sensor_data)
+            self._hear(WrenchStamped, f"{foot}_foot/wrench", partial(self._on_wrench, foot), SENSOR)
 
     # What comes in
 
@@ -121,7 +122,8 @@ class HardwareNode(SimulatorNode):
         if self._player.state is None or self._paused:
             return
         try:
-            if fault := self._sensors.fault or self._robot.fault:
+            is_hanging = self._player.state.tick == 0 and self._player.torque is None  # nothing moves it yet
+            if fault := ("" if is_hanging else self._sensors.fault) or self._robot.fault:
                 self._player.end("fault", fault)
             elif self._player.torque is not None:
                 self._player.step_answered(self._player.torque)
@@ -169,6 +171,8 @@ class HardwareNode(SimulatorNode):
 
     def _unfit(self) -> str:
         """Why the robot cannot be enabled; empty: it can."""
+        if self._others.refusal:
+            return self._others.refusal
         if self._robot.sensors is None or time.monotonic() - self._sensed > self._own.stale:
             return f"no sensors: {self._sensors}"
         if not self._commands.get_subscription_count():
