@@ -13,7 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 BENEATH = 10  # by so much the listeners are lower
-NICE = 10  # of nodes that can wait: a tenth of an ordinary process's share where both want the processor
+NICE = 5  # of nodes that can wait: a third of an ordinary one's share where both want the processor
 SESSION = Path("/proc/self/autogroup")
 
 
