@@ -100,14 +100,14 @@ def niceness(pid: int) -> dict[int, int]:
 
 
 def test_who_can_wait_goes_behind_who_cannot(world: Any) -> None:
-    """Trainer and recorder do, by threads and, where each session has its share of a processor, by sessions."""
-    episodes = world.hear("episode")
+    """Trainer and recorder do, by threads and, where the kernel shares processors between sessions, by sessions."""
     world.start("simulator", **SLOW)
     world.start("controller")
     world.start("trainer")
     world.start("recorder", path=str(world.folder / "recording"))
     world.go()
-    world.wait(lambda: bool(episodes) and episodes[-1].phase == Episode.RUNNING)
+    recorder = world.processes.pid("recorder")
+    world.wait(lambda: niceness(recorder)[recorder] != 0)  # once it has heard that the graph walks in real time
     for name, nice in {"simulator": 0, "controller": 0, "trainer": NICE, "recorder": NICE}.items():
         pid = world.processes.pid(name)
         threads = niceness(pid)

@@ -18,6 +18,7 @@ from typing import Any
 from ament_index_python.packages import get_package_share_directory
 from pydantic import BaseModel, ConfigDict, Field
 from rabbit_common.message_checks import MessageCounter
+from rabbit_common.priority import give_way
 from rabbit_common.ros.diagnostics import ERROR, OK, WARN, Diagnostics, Status
 from rabbit_common.ros.parameters import declare, refuse_unknown
 from rabbit_common.ros.spin import run, steady_timer
@@ -64,6 +65,7 @@ class RecorderNode(Node):
         self._sent = self._asked = 0  # when the newest message was sent; when the node was asked to end; ns
         self._failure = ""
         self._newest_state, self._is_answered = b"", False
+        self._gave_way = False  # to who must be in time
         self._readers = {topic.name: self._subscribe(topic) for topic in TOPICS}
         self._awaited = [name for name in own.topics if self.resolve_topic_name(name) not in self._writer.topics]
         self._diagnostics = Diagnostics(self, self._message_counter, self._status)
@@ -111,6 +113,9 @@ class RecorderNode(Node):
         if topic.name == "state":
             self._newest_state = data
         self._is_answered |= topic.name == "torque"
+        if topic.name == "timing" and not self._gave_way:  # in lock-step a recorder that falls behind would lose ticks
+            self._gave_way = True
+            give_way()
         if self._ends_at_errors(
             lambda: self._writer.write(name, self._time.of(topic.name, topic.publisher, data), data)
         ):
@@ -161,7 +166,7 @@ def offered(profile: QoSProfile) -> Qos:
 
 def main() -> None:
     """The executable `recorder`."""
-    run(RecorderNode, errors=(RecordingError,), gives_way=True)
+    run(RecorderNode, errors=(RecordingError,))
 
 
 if __name__ == "__main__":
