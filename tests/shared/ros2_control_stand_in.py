@@ -23,7 +23,7 @@ from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import Float64MultiArray
 
 VARIANCES = (1e-5, 1e-5, 1e-2)
-HUNG_TICKS = 50  # of the wall clock, from one word of a robot that hangs and waits to the next
+HUNG_TICKS = 20  # of the wall clock, from one word of a robot that hangs and waits to the next
 
 
 class StandIn:

@@ -19,7 +19,7 @@ class GuardParameters(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    timeout: float = Field(0.05, gt=0, le=10, description="without a command, or joint_states, for so long: zeros, s")
+    timeout: float = Field(0.05, gt=0, le=60, description="without a command, or joint_states, for so long: zeros, s")
     largest_age: float = Field(
         0.05, gt=0, le=1, description="older sensors than joint_states by so much, and a command is void, s"
     )

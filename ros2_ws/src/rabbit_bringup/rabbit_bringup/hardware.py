@@ -43,7 +43,7 @@ class HardwareParameters(NodeParameters):
     joint_low: float = Field(-2.5, ge=-6.3, le=0, description="a joint below it stops the robot, rad")
     joint_high: float = Field(2.5, ge=0, le=6.3, description="a joint above it stops the robot, rad")
     joint_rate: float = Field(20.0, gt=0, le=1000, description="a joint that turns faster stops the robot, rad/s")
-    stale: float = Field(0.05, gt=0, le=10, description="without the sensors of a new tick for so long it stops, s")
+    stale: float = Field(0.05, gt=0, le=60, description="without the sensors of a new tick for so long it stops, s")
     largest_tick: float = Field(
         0.015, gt=0.01, le=0.1, description="a longer tick by the sensors' stamps stops the robot, s"
     )

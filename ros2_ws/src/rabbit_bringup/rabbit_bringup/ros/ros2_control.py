@@ -168,6 +168,8 @@ class HardwareNode(SimulatorNode):
             self.get_logger().error(f"the robot is not enabled any more: {unfit}")
             return
         super()._begin_next()
+        if self._player.state is not None:
+            self._sensed = time.monotonic()  # to begin took its time, and nothing is commanded yet
 
     def _unfit(self) -> str:
         """Why the robot cannot be enabled; empty: it can."""

@@ -26,6 +26,8 @@ KEPT = 20  # announcements of another one, which count once it is followed
 class SimulatorFollower(CheckedNode):
     """A node that hears simulators. `simulator`: the sender that is followed, None before the first."""
 
+    _take_episode: Callable[[Any], None]
+
     def __init__(self, name: str) -> None:
         super().__init__(name)
         self.simulator: str | None = None
