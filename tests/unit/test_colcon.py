@@ -37,6 +37,7 @@ def walking(copied: Path) -> Path:
 def in_shell(script: str, folder: Path) -> subprocess.CompletedProcess[str]:
     """Run it there, over the environment alone."""
     kept = {name: os.environ[name] for name in ("PATH", "HOME")} | {"ROS_DOMAIN_ID": str(1 + os.getpid() % 100)}
+    kept["MAKEFLAGS"] = f"-j{os.cpu_count()}"  # colcon's own waits for idle cores
     command = ["bash", "-c", f"source {ROOT}/.venv/setup.bash; {script}"]
     return subprocess.run(command, cwd=folder, env=kept, capture_output=True, text=True, timeout=1800)
 
