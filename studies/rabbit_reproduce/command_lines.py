@@ -5,12 +5,12 @@ from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel
-from rabbit_experiments.assembly import Assembly, resolve_policy, shipped_policies
+from rabbit_experiments.assembly import Assembly, resolve_policy
 from rabbit_experiments.conditions import EVALUATION_LAG
 from rabbit_experiments.evaluation import Scenario
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import load_parameters
-from rl_cbf_clf_controller.weights import policy_path
+from rl_cbf_clf_controller.weights import policy_path, shipped_policies
 
 
 def evaluate_command(scenario: Scenario) -> str:

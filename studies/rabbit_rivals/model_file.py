@@ -5,17 +5,16 @@ import json
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
 from rabbit_description.atomic_file import replacing
-from rabbit_description.bounded_file import FileError, parse_json, read_bytes
+from rabbit_description.bounded_file import FileError, read_bytes
 from rabbit_description.state import Array
 from rabbit_description.validation import one_line
-from rl_cbf_clf_controller.weights import PolicyFileError
-from safetensors import SafetensorError
-from safetensors.numpy import load, save
+from rl_cbf_clf_controller.weights import PolicyFileError, unpack
+from safetensors.numpy import save
 
 SHIPPED = Path(__file__).parent / "policies"
 SIZE_LIMIT = 32_000_000  # bytes
@@ -31,6 +30,13 @@ class About(BaseModel):
     def shapes(self) -> dict[str, tuple[int, ...]]:
         """Names and shapes of the arrays."""
         raise NotImplementedError
+
+
+class _Head(BaseModel):
+    """What the header holds; `about` by the kind of model."""
+
+    version: str
+    about: Any
 
 
 Kind = TypeVar("Kind", bound=About)
@@ -81,15 +87,13 @@ def read(path: Path, kind: type[Kind]) -> ModelFile[Kind]:
         PolicyFileError: there is none, or anything is wrong with it.
     """
     try:
-        data = read_bytes(path, SIZE_LIMIT)
-        arrays = load(data)
-        header = json.loads(data[8 : 8 + int.from_bytes(data[:8], "little")])
-        head = parse_json(header.get("__metadata__", {}).get(KEY, "{}"))
-        file = ModelFile(kind.model_validate(head.get("about")), arrays)
+        arrays, text = unpack(read_bytes(path, SIZE_LIMIT), KEY, SIZE_LIMIT)
+        head = _Head.model_validate_json(text)
+        file = ModelFile(kind.model_validate(head.about), arrays)
     except FileError as error:
         raise PolicyFileError(f"cannot read {path}: {error}") from error
-    except (SafetensorError, ValidationError, ValueError, KeyError, OverflowError, AttributeError) as error:
+    except (ValidationError, PolicyFileError) as error:
         raise PolicyFileError(f"{path}: not a file of this model: {one_line(error)}") from error
-    if head.get("version") != file.version:
-        raise PolicyFileError(f"{path}: version {head.get('version')}; its content has {file.version}")
+    if head.version != file.version:
+        raise PolicyFileError(f"{path}: version {head.version}; its content has {file.version}")
     return file

@@ -4,6 +4,7 @@ import importlib.util
 from pathlib import Path
 
 from rabbit_description import plugins
+from rabbit_description.bounded_file import is_file
 
 from own_systems.task import ControlTask, TaskError
 from own_systems.walker import read_walker
@@ -25,7 +26,7 @@ def load_task(source: str) -> ControlTask:
         if not isinstance(found, ControlTask):
             raise TaskError(f"{GROUP} {source}: expected a ControlTask, found {found!r}")
         return found
-    if not path.is_file():
+    if not is_file(path):
         raise TaskError(f"{source}: no such file")
     if path.suffix == ".yaml":
         return read_walker(path).task

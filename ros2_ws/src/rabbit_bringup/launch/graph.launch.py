@@ -24,10 +24,10 @@ from rabbit_bringup.ros.launch_actions import arguments, arguments_of, node, par
 from rabbit_common.options import Defaults
 from rabbit_sim.parameters import NodeParameters, SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_cbf_clf_controller.weights import SHIPPED
+from rl_cbf_clf_controller.weights import shipped_policies
 
 DEFAULTS = Defaults(always={**WALK.always, **WALK.bare, "episodes": 1})
-LEARNED = sorted(path.stem for path in SHIPPED.glob("*.safetensors"))
+LEARNED = shipped_policies()
 NO_ARGUMENTS = ("memory", "priority", "readers")  # parameters that `params_file` alone can set
 
 

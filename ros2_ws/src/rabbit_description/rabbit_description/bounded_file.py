@@ -4,6 +4,7 @@ import json
 import os
 import stat
 import zlib
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,13 @@ def read_bytes(path: Path, most: int) -> bytes:
         raise FileError(error.strerror or str(error)) from error
     except ValueError as error:  # a path that holds a zero byte
         raise FileError(str(error)) from error
+
+
+def is_file(path: Path) -> bool:
+    """Whether it is a regular file; False too where no file can have this name, as one of 300 characters."""
+    with suppress(OSError):
+        return path.is_file()
+    return False
 
 
 def read_text(path: Path, most: int) -> str:

@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from rabbit_description import GAITS, LIBRARIES
 from rabbit_description.atomic_file import replace_text
-from rabbit_description.bounded_file import FileError, read_text
+from rabbit_description.bounded_file import FileError, is_file, read_text
 from rabbit_description.state import DOF, JOINTS, Array
 from rabbit_description.validation import one_line
 from rabbit_description.yaml_file import MOST_BYTES, dump_yaml, parse_yaml
@@ -163,8 +163,8 @@ def load_gaits(name_or_path: str | Path) -> Gaits:
     path = Path(name_or_path)
     if path.suffix != ".yaml":
         places = (folder / f"{name_or_path}.yaml" for folder in (GAITS, LIBRARIES))
-        path = next((each for each in places if each.is_file()), path)
-    if not path.is_file():
+        path = next((each for each in places if is_file(each)), path)
+    if not is_file(path):
         names = f"gaits are {', '.join(shipped(GAITS))}; libraries are {', '.join(shipped(LIBRARIES))}"
         raise GaitError(f"gait: no file {path}; shipped {names}")
     try:

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
+from rabbit_description.bounded_file import is_file
 from rabbit_description.gait import Gaits, load_gaits
 from rabbit_description.state import ACTUATED
 from rabbit_estimator.contact_aided_filter import ContactAidedFilter
@@ -16,7 +17,7 @@ from rl_cbf_clf_controller.fitted_policy import fitted
 from rl_cbf_clf_controller.oracle import OraclePolicy, TruePlant
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import Policy, ZeroPolicy
-from rl_cbf_clf_controller.weights import SHIPPED, PolicyFileError, policy_path, read
+from rl_cbf_clf_controller.weights import PolicyFileError, policy_path, read, shipped_policies
 
 
 class AssemblyError(ValueError):
@@ -98,15 +99,10 @@ def resolve_policy(name: str | None, controller: ControllerParameters, oracle: b
     if name in built_in:
         return name
     path = policy_path(name)
-    if not path.is_file():
+    if not is_file(path):
         choice = ", ".join((*built_in, *shipped_policies()))
         raise AssemblyError("policy", f"{name}: expected one of {choice}, or a policy file")
     return str(path.absolute())
-
-
-def shipped_policies() -> list[str]:
-    """Names of the policies that come with the controller; each learning controller's own has its name."""
-    return sorted(path.stem for path in SHIPPED.glob("*.safetensors"))
 
 
 def make_simulation(parameters: SimulationParameters, gait: Gaits) -> Simulation:

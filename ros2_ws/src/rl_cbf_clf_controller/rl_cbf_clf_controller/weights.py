@@ -6,7 +6,6 @@ shapes, finite values, content hash, and a probe that repeats outputs the traine
 
 import hashlib
 import itertools
-import json
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -18,7 +17,6 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from rabbit_description.atomic_file import replacing
 from rabbit_description.bounded_file import FileError, read_bytes
 from rabbit_description.validation import one_line
-from safetensors import SafetensorError
 from safetensors.numpy import load, save
 from scipy.linalg.blas import dgemv
 
@@ -140,6 +138,12 @@ class PolicyMetadata(BaseModel):
         return {PROBE: (len(probe_inputs(1)), self.outputs), **layer_shapes(*sizes)}
 
 
+class _Header(BaseModel):
+    """The header of any safetensors file, of which the arrays' places are the library's."""
+
+    metadata: dict[str, str] | None = Field(default=None, alias="__metadata__")
+
+
 class _Head(BaseModel):
     """What the header holds."""
 
@@ -191,15 +195,28 @@ class PolicyFile:
             partial.write_bytes(self.encode())
 
 
-def decode(data: bytes) -> PolicyFile:
-    """Check and read a policy, the content of a file or message; raises `PolicyFileError`."""
-    if len(data) > SIZE_LIMIT:
-        raise PolicyFileError(f"policy: {len(data)} bytes; at most {SIZE_LIMIT} are read")
+def unpack(data: bytes, key: str, most: int = SIZE_LIMIT) -> tuple[dict[str, NDArray[Any]], str]:
+    """The arrays of a safetensors file, and the text that its metadata have under `key`; "{}" where they have none.
+
+    Raises:
+        PolicyFileError: more than `most` bytes, or no such file; nothing else, whatever the bytes are.
+    """
+    if len(data) > most:
+        raise PolicyFileError(f"{len(data)} bytes; at most {most} are read")
     try:
         arrays = load(data)
-        header = json.loads(data[8 : 8 + int.from_bytes(data[:8], "little")]).get("__metadata__", {})
-        head = _Head.model_validate_json(header.get(_KEY, "{}"))
-    except (SafetensorError, ValidationError, ValueError, KeyError, OverflowError) as error:
+        header = _Header.model_validate_json(data[8 : 8 + int.from_bytes(data[:8], "little")])
+    except Exception as error:  # of two libraries' readers: whatever they raise, it is no such file
+        raise PolicyFileError(one_line(error)) from error
+    return arrays, (header.metadata or {}).get(key, "{}")
+
+
+def decode(data: bytes) -> PolicyFile:
+    """Check and read a policy, the content of a file or message; raises `PolicyFileError`."""
+    try:
+        arrays, text = unpack(data, _KEY)
+        head = _Head.model_validate_json(text)
+    except (PolicyFileError, ValidationError) as error:
         raise PolicyFileError(f"policy: not a policy file: {one_line(error)}") from error
     file = PolicyFile(head.metadata, arrays)
     if head.content_hash != file.content_hash:
@@ -223,8 +240,12 @@ def read(path: Path) -> PolicyFile:
 
 def policy_path(name: str) -> Path:
     """The policy that is shipped under this name, or else the file."""
-    shipped = SHIPPED / f"{name}.safetensors"
-    return shipped if shipped.is_file() else Path(name)
+    return SHIPPED / f"{name}.safetensors" if name in shipped_policies() else Path(name)
+
+
+def shipped_policies() -> list[str]:
+    """Names of the policies that come with the controller; each learning controller's own has its name."""
+    return sorted(path.stem for path in SHIPPED.glob("*.safetensors"))
 
 
 class Actor:

@@ -86,7 +86,7 @@ class LearningThread:
             pass
         except DivergenceError as error:
             self.error = str(error)
-        except Exception as error:
+        except BaseException as error:  # a learner may be another package's
             self.error = f"{type(error).__name__}: {error}"
             raise
 

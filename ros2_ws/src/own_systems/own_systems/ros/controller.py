@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 from cbf_clf_qp.functions import Array
+from rabbit_common.guard import reason_of
 from rabbit_common.message_checks import Refused, doubles
 from rabbit_common.ros.conversions import is_new_simulator, other_tick
 from rabbit_common.ros.diagnostics import OK, WARN, Status
@@ -89,8 +90,8 @@ class ControllerNode(TaskNode):
         assert self._p[1] is not None
         try:
             moment = self._decide(self._turn, self._named(message), x, self._p[1], noise)
-        except ValueError as error:
-            self._give_up(message, str(error))
+        except Exception as error:  # the task is a user's
+            self._give_up(message, reason_of(error))
             return
         self._say(message, moment.u)
         self._tell(self._head(message), moment)

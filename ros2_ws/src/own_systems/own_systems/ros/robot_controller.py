@@ -20,6 +20,7 @@ from cbf_clf_qp.functions import Array
 from geometry_msgs.msg import Quaternion, Twist
 from nav_msgs.msg import Odometry
 from pydantic import Field
+from rabbit_common.guard import reason_of
 from rabbit_common.message_checks import array_of, check_finite, doubles
 from rabbit_common.ros.conversions import joints_of
 from rabbit_common.ros.diagnostics import ERROR, OK, WARN, Status
@@ -87,6 +88,9 @@ class RobotControllerNode(TaskNode):
 
     # What comes in
 
+    def _on_fault(self, reason: str) -> None:
+        self._stop(reason)
+
     def _on_joints(self, message: JointState) -> None:
         self._take(message.header, *joints_of(message, self.task.names_of_q))
 
@@ -143,8 +147,8 @@ class RobotControllerNode(TaskNode):
         turn = (1, self._ticks)
         try:
             moment = self._decide(turn, "", x, p, np.zeros_like(wanted))
-        except ValueError as error:
-            self._stop(str(error))
+        except Exception as error:  # the task is a user's
+            self._stop(reason_of(error))
             return
         self._send(moment.u)
         self._tell({"header": header, "episode": 1, "tick": self._ticks, "sender": self._sender}, moment)

@@ -85,6 +85,10 @@ class SimulatorNode(CheckedNode):
 
     # What comes in
 
+    def _on_fault(self, reason: str) -> None:
+        """Nobody knows how far the tick came: the episode is over."""
+        self._end("fault", reason)
+
     def _on_torque(self, message: msg.TorqueCommand) -> None:
         if self._x is None:
             raise Refused("not awaited", f"episode {message.episode}, tick {message.tick}")

@@ -51,8 +51,9 @@ class TaskNode(SimulatorFollower):
         name = self._own.policy
         if ":" in name:
             self._rider.controlling(name)
-        name = name if name in self._rider.names else NOMINAL
-        built_in = policies.CheckedPolicy(name, "built in", name)
+        names = [each for each in self._rider.names if each != ORACLE or self.task.true]
+        built_in = {each: policies.CheckedPolicy(each, "built in", each) for each in names}
+        built_in[policies.ZERO] = built_in[NOMINAL]
         self._policies = policies.Policies(self, self._own, built_in, self._rider.fitted, self._sender, self._go_on)
         self.close = self._policies.close
         self._controlling = self._policies.in_force.policy

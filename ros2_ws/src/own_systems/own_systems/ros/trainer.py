@@ -43,8 +43,11 @@ class NodeParameters(BaseModel):
 class TrainerNode(SimulatorFollower):
     """Plans, hears, learns."""
 
+    failure_code = 1  # it could be used, and cannot go on
+
     def __init__(self) -> None:
         super().__init__("trainer")
+        self.failure = ""  # what ends the node
         self._own = declare(self, NodeParameters)
         refuse_unknown(self)
         self.task = load_task(self._own.task)
@@ -60,6 +63,10 @@ class TrainerNode(SimulatorFollower):
         self.get_logger().info(f"ready: task {self.task.name}, {self._own.episodes} episodes")
 
     # What comes in
+
+    def _on_fault(self, reason: str) -> None:
+        """Learning failed: nobody shall wait for a plan that never comes."""
+        self.failure = reason
 
     def _on_state(self, message: msg.RobotState) -> None:
         self._check(message)

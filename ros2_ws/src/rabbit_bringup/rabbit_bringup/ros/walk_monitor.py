@@ -87,9 +87,10 @@ class WalkMonitor(GraphClient):
         margin = min(landing.l - landing.l_min, landing.l_max - landing.l) if landing.episode else math.nan
         simulator, controller = (self._said.get(name, UNHEARD) for name in ("simulator", "controller"))
         slack, ratio = figure(controller, "CLF slack"), figure(simulator, "force ratio")
+        ticks = figure(simulator, "ticks")
         names = [each.key.removeprefix(BARRIER) for each in controller.values if each.key.startswith(BARRIER)]
         barriers = {name: figure(controller, BARRIER + name) for name in names}
-        return Progress(e.episode, stone, e.stones, margin, barriers, slack, ratio, int(figure(simulator, "ticks")))
+        return Progress(e.episode, stone, e.stones, margin, barriers, slack, ratio, int(ticks) if math.isfinite(ticks) else 0)
 
     def not_ready(self, nodes: list[str]) -> dict[str, str]:
         """Which of the nodes are not ready, and what they say; and topics that do not reach all who need them."""

@@ -2,7 +2,8 @@
 
 import re
 from collections.abc import Callable
-from typing import Any
+from functools import wraps
+from typing import Any, ParamSpec
 
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
@@ -10,9 +11,13 @@ from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 
+from rabbit_common.guard import guarded
 from rabbit_common.message_checks import MessageCounter, Refused
 
 MOST_BYTES = 10_000_000  # of a message; the largest carries a policy file, of which 8 MB are read
+
+P = ParamSpec("P")
+FAULT = "fault of this node"  # reason of a refusal that no check foresaw
 
 _BOUND = re.compile(r"string<(\d+)>$|sequence<.*, (\d+)>$")
 
@@ -27,14 +32,27 @@ class CheckedNode(Node):
     def _hear(self, kind: Any, topic: str, callback: Callable[[Any], None], qos: QoSProfile) -> Subscription:
         """Subscribe to `topic`; what is no message of this kind, or what `callback` refuses, is refused."""
         limits = bounds(kind)
+        take = self._guarded(topic, lambda data: callback(decoded(data, kind, limits)))
+        return self.create_subscription(kind, topic, take, qos, raw=True)
 
-        def take(data: bytes) -> None:
+    def _guarded(self, topic: str, use: Callable[P, object]) -> Callable[P, None]:
+        """`use`, which refuses what came in where it raises `Refused`, or anything else, which is a fault of ours."""
+
+        @wraps(use)  # its signature says whether it wants to know when a message was sent
+        def try_to_use(*arguments: P.args, **named: P.kwargs) -> None:
             try:
-                callback(decoded(data, kind, limits))
+                use(*arguments, **named)
             except Refused as error:
                 self._refuse(topic, error)
 
-        return self.create_subscription(kind, topic, take, qos, raw=True)
+        def fail(reason: str, *_: P.args, **__: P.kwargs) -> None:
+            self._refuse(topic, Refused(FAULT, reason))
+            self._on_fault(f"{topic}: {reason}")
+
+        return guarded(try_to_use, fail)
+
+    def _on_fault(self, reason: str) -> None:
+        """What came in was used in part, perhaps, and then a fault of ours was met. Most nodes just go on."""
 
     def _refuse(self, topic: str, error: Refused) -> None:
         self.get_logger().warning(self._message_counter.refuse(topic, error), throttle_duration_sec=1.0)

@@ -74,6 +74,12 @@ class GraphClient:
             self._listen(0.02)
         return holds
 
+    def others(self) -> list[str]:
+        """The nodes that are known by now in this namespace; those of `ros2` itself are hidden."""
+        here = self.node.get_namespace()
+        found = [name for name, where in self.node.get_node_names_and_namespaces() if where == here]
+        return [name for name in found if name != self.node.get_name() and not name.startswith("_")]
+
     def client(self, name: str) -> Any:
         """The client of a service."""
         if name not in self._clients:

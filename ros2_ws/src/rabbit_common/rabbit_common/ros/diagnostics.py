@@ -7,6 +7,7 @@ launcher waits for both before it lets a walk begin.
 import math
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
@@ -62,10 +63,13 @@ class Diagnostics:
 
 def reader_counts(status: DiagnosticStatus) -> dict[str, int]:
     """How many readers a node says its topics have, by the topic's name before remapping."""
-    counts = [value for value in status.values if value.key.startswith(READERS)]
-    return {value.key.removeprefix(READERS): int(value.value) for value in counts}
+    names = [value.key for value in status.values if value.key.startswith(READERS)]
+    counts = {name.removeprefix(READERS): figure(status, name) for name in names}
+    return {name: int(count) for name, count in counts.items() if math.isfinite(count)}
 
 
 def figure(status: DiagnosticStatus, name: str) -> float:
     """A number that a node says of itself; NaN where it says none."""
-    return next((float(each.value) for each in status.values if each.key == name), math.nan)
+    with suppress(ValueError):
+        return next((float(each.value) for each in status.values if each.key == name), math.nan)
+    return math.nan

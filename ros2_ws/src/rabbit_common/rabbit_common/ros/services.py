@@ -4,11 +4,34 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+from rcl_interfaces.msg import SetParametersResult
+from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.node import Node
 from rclpy.service import Service
 from rclpy.task import Future
 
+from rabbit_common.guard import guarded
+
 AGAIN_SECONDS = 3.0
+
+
+def guard_services(node: Node) -> None:
+    """Have all services of a node, rclpy's own too, answer whatever comes: a request that raises is refused."""
+    for service in node.services:
+        service.callback = guarded(service.callback, _refusal)
+
+
+def _refusal(reason: str, request: Any, response: Any) -> Any:
+    """The answer that says why; nothing but an answer where its type has no place for that."""
+    failed = SetParametersResult(successful=False, reason=reason)
+    match response:
+        case SetParameters.Response():
+            response.results += [failed] * (len(request.parameters) - len(response.results))
+        case SetParametersAtomically.Response():
+            response.result = failed
+        case _ if hasattr(response, "success"):
+            response.success, response.message = False, reason
+    return response
 
 
 def create_async_service(node: Node, kind: Any, name: str, callback: Callable[[Any, Any], Future]) -> Service:

@@ -17,6 +17,7 @@ from rabbit_common.deadline import end_within
 from rabbit_common.priority import give_way
 from rabbit_common.ros.network import StartError, initialise
 from rabbit_common.ros.parameters import ParameterError
+from rabbit_common.ros.services import guard_services
 
 _LOOK_UP = 0.1  # s between looks at the signals; without a time-out this executor's wait hears none
 _LAST_WORK = 10.0  # s
@@ -48,6 +49,7 @@ def run(make: Callable[[], Node], errors: tuple[type[Exception], ...] = (), *, g
         node = make()
         if gives_way:
             give_way()
+        guard_services(node)
     except unusable as error:
         print("error:", " ".join(str(error).split()), file=sys.stderr)
         sys.exit(2)

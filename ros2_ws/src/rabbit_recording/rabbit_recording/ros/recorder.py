@@ -17,14 +17,13 @@ from typing import Any
 
 from ament_index_python.packages import get_package_share_directory
 from pydantic import BaseModel, ConfigDict, Field
-from rabbit_common.message_checks import MessageCounter
 from rabbit_common.priority import give_way
+from rabbit_common.ros.checked_node import CheckedNode
 from rabbit_common.ros.diagnostics import ERROR, OK, WARN, Diagnostics, Status
 from rabbit_common.ros.parameters import declare, refuse_unknown
 from rabbit_common.ros.spin import run, steady_timer
 from rabbit_common.ros.topics import TOPICS, Topic, published_by
 from rabbit_description.atomic_file import first_free
-from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
@@ -49,7 +48,7 @@ class NodeParameters(BaseModel):
     topics: tuple[str, ...] = Field((), description="further ones to record, by name, once somebody publishes them")
 
 
-class RecorderNode(Node):
+class RecorderNode(CheckedNode):
     """Writes what it hears."""
 
     def __init__(self) -> None:
@@ -59,7 +58,6 @@ class RecorderNode(Node):
         self._types = graph_types([Path(get_package_share_directory("rabbit_msgs"))])
         self._path = first_free(Path(own.path))  # a recorder may be started again
         self._writer = BagWriter(self._path, self._types)
-        self._message_counter = MessageCounter()
         self._time = SimulatedTime(self._path)
         self._heard = time.monotonic()
         self._sent = self._asked = 0  # when the newest message was sent; when the node was asked to end; ns
@@ -86,7 +84,7 @@ class RecorderNode(Node):
     def _subscribe(self, topic: Topic) -> Subscription:
         name, qos = self.resolve_topic_name(topic.name, only_expand=True), topic.qos  # under its own name if remapped
         self._writer.add(name, topic.type_name, [offered(qos)])
-        callback = with_info(partial(self._on_bytes, topic, name))
+        callback = with_info(self._guarded(topic.name, partial(self._on_bytes, topic, name)))
         # with a queue in which messages wait while the disk is written
         queue = QoSProfile(depth=max(qos.depth, BACKLOG), reliability=qos.reliability, durability=qos.durability)
         return self.create_subscription(topic.type, topic.name, callback, queue, raw=True)

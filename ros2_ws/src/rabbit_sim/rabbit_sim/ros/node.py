@@ -66,6 +66,10 @@ class SimulatorNode(CheckedNode):
 
     # What comes in
 
+    def _on_fault(self, reason: str) -> None:
+        """Nobody knows how far the tick came: the episode is over."""
+        self._player.end("fault", reason)
+
     def _on_torque(self, message: TorqueCommand) -> None:
         self._live_controllers.spoke()
         try:

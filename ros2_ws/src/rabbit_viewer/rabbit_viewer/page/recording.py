@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 from pydantic import ValidationError
+from rabbit_common.guard import guarded
 from rabbit_description.state import TICK_SECONDS, StonePreview
 from rabbit_experiments.walk_records import ARRAYS, RECORDING, RECORDS, SEEN, WalkRecords
-from rabbit_recording import RecordingError
 from rabbit_recording.explaining import explain_tick
 
 from rabbit_viewer.page import Explain
@@ -42,7 +42,7 @@ def serve_or_write(
 ) -> None:
     """Serve what is told until Ctrl-C, or write it to the file `export`; raises `PageError`.
 
-    `explain` gives a tick in words; it may raise `ValueError` or `RecordingError`.
+    `explain` gives a tick in words.
     """
     if export:
         print(write_page(export, broadcast))
@@ -73,10 +73,7 @@ class Explainer:
         return ""
 
     def _explain(self, tick: int) -> None:
-        try:
-            lines = self._lines(tick)
-        except (RecordingError, ValueError) as error:
-            lines = [str(error)]
+        lines = guarded(self._lines, lambda reason, _: [reason])(tick)
         self._broadcast.say("explained", {"walker": 0, "tick": tick, "lines": lines})
 
 

@@ -18,6 +18,7 @@ from http import HTTPStatus
 from typing import Any
 from weakref import WeakSet
 
+from rabbit_common.guard import guarded
 from websockets.asyncio.server import Server, ServerConnection, serve
 from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed
@@ -180,7 +181,9 @@ class PageServer:
     def _answered(self, message: str | bytes, count: int) -> str:
         if count > MOST_MESSAGES:
             return f"more than {MOST_MESSAGES} messages in a second"
-        return self._answer(message) if isinstance(message, str) else "bytes: expected JSON"
+        if not isinstance(message, str):
+            return "bytes: expected JSON"
+        return guarded(self._answer, lambda reason, _: refused(reason))(message)
 
     async def _show(self, connection: ServerConnection) -> None:
         async with contextlib.aclosing(self._broadcast.follow()) as news:

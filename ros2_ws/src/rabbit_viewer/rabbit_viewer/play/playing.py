@@ -12,6 +12,7 @@ from multiprocessing.queues import Queue
 from typing import Any, Protocol
 
 from pydantic import BaseModel
+from rabbit_common.guard import guarded
 
 from rabbit_viewer.page import Explain
 from rabbit_viewer.page.rows import packed
@@ -171,10 +172,7 @@ class Playing(ABC):
             self._has_changed = True
 
     def _explain(self, asked: Explain) -> None:
-        try:
-            lines = self.walkers[asked.walker].explain(asked.tick)
-        except (IndexError, ValueError) as error:
-            lines = [str(error)]
+        lines = guarded(lambda: self.walkers[asked.walker].explain(asked.tick), lambda reason: [reason])()
         self.say("explained", {"walker": asked.walker, "tick": asked.tick, "lines": lines})
 
 
@@ -185,13 +183,14 @@ def play(make: Callable[[Any, Send], Playing], send: Send, start: Any, wishes: "
     except PlayError as error:
         send("fail", str(error))
         return
+    take = guarded(player.take, lambda reason, _: player.say("note", {"text": reason}))
     now = due = shown = time.monotonic()
     with closing(player):
         player.tick()  # so that something is seen
         while True:
             until = min(due, shown) if player.is_moving else shown
             with suppress(queue.Empty):
-                player.take(wishes.get(timeout=max(until - now, 0)))
+                take(wishes.get(timeout=max(until - now, 0)))
             now = time.monotonic()
             if not player.is_moving or now - due > BEHIND:
                 due = now

@@ -121,7 +121,7 @@ class ViewerNode(SimulatorFollower):
     def _look(self) -> None:
         """Show the newest ticks if there are new ones, or the last again now and then."""
         while not self._page.asked.empty():
-            self._ask(self._page.asked.get())
+            self._guarded("page", self._ask)(self._page.asked.get())
         topics = {name for name in TICK_TOPICS if name == "state" or self.count_publishers(name)}
         new = self._ticks.take(self._waiting_messages.take(), topics)
         now = time.monotonic()
@@ -133,10 +133,7 @@ class ViewerNode(SimulatorFollower):
             return
         if self._ticks.parts and (new or now - self._shown_at > AGAIN_SECONDS):
             self._shown_at = now
-            try:
-                self._show(new)
-            except Refused as error:
-                self._refuse("tick", error)
+            self._guarded("tick", self._show)(new)
 
     def _show(self, new: list[dict[str, bytes]]) -> None:
         if self._page.page.is_watched:

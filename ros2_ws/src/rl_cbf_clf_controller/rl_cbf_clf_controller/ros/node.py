@@ -12,6 +12,7 @@ from functools import partial
 
 import numpy as np
 from pydantic import Field
+from rabbit_common.guard import reason_of
 from rabbit_common.message_checks import Refused, doubles
 from rabbit_common.priority import scheduling, take_priority
 from rabbit_common.ros.diagnostics import BARRIER, OK, WARN, Diagnostics, Status
@@ -55,7 +56,7 @@ class ControllerNode(SimulatorFollower):
         refuse_unknown(self)
         take_priority(own.priority, self.get_logger().warning)
         self._gait = load_gaits(self._settings.gait)
-        zero = CheckedPolicy(ZERO, "built in", ZeroPolicy(self._settings.problem))
+        zero = {ZERO: CheckedPolicy(ZERO, "built in", ZeroPolicy(self._settings.problem))}
         fit = partial(fitted, parameters=self._settings, gaits=self._gait)
         self._policies = Policies(self, own, zero, fit, self._sender, self._go_on)
         self._controller = Controller(self._settings, self._gait, self._policies.in_force.policy)
@@ -128,8 +129,8 @@ class ControllerNode(SimulatorFollower):
             self._controller.policy = policy
         try:
             acted = self._controller.act(state)
-        except ValueError as error:
-            self._give_up(message, str(error))
+        except Exception as error:  # a barrier or a solver may be another package's
+            self._give_up(message, reason_of(error))
             return
         self._say(message, acted.torque, acted.policy_version, acted.fault)
         head = {"header": message.header, "episode": message.episode, "tick": message.tick, "sender": self._sender}

@@ -9,18 +9,20 @@ import queue
 import threading
 from array import array
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
+from rabbit_common.guard import guarded, reason_of
 from rabbit_common.message_checks import Refused
 from rabbit_common.priority import step_back
 from rabbit_common.ros.checked_node import bounds, check_size, decoded
 from rabbit_common.ros.qos import EVENT
 from rabbit_common.ros.services import create_async_service
 from rabbit_description.bounded_file import FileError, read_bytes
+from rabbit_description.validation import one_line
 from rabbit_msgs.msg import PolicySwap, PolicyWeights
 from rabbit_msgs.srv import LoadPolicy
 from rclpy.node import Node
@@ -30,6 +32,7 @@ from rl_cbf_clf_controller.weights import SIZE_LIMIT, PolicyFile, PolicyFileErro
 
 ZERO = "zero"
 UNCHECKED = 20  # policies that wait for their check
+LONGEST_NAME = 500  # characters, in what is told of a policy
 WAITING = 4  # policies kept until they are due; an episode may name an older one than the newest
 REFUSED = 20  # refusals of policies kept: an episode may name one of them
 LIMITS = bounds(PolicyWeights)
@@ -73,19 +76,20 @@ class Policies:
         self,
         node: Node,
         own: NodeParameters,
-        built_in: CheckedPolicy,
+        built_in: Mapping[str, CheckedPolicy],
         fit: Fit,
         sender: str,
         on_checked: Callable[[], object],
     ) -> None:
-        """Begin with the one that is built in, the shipped policy of this name, or the file; raises `PolicyFileError`.
+        """Begin with one that is built in, the shipped policy of this name, or the file; raises `PolicyFileError`.
 
-        `on_checked` is called in the executor once there is something to `take`.
+        `built_in`: by name, those that no file holds; an operator may ask for them too. `on_checked` is called in the
+        executor once there is something to `take`.
         """
         self._node, self._sender, self._on_checked = node, sender, on_checked
         self._swap_at, self.hears_published = own.swap_at, own.swap_at != "never"
         self._fit, self._built_in = fit, built_in
-        self.in_force = built_in if own.policy == built_in.version else self._read(own.policy)
+        self.in_force = self._named(own.policy)
         if self.in_force.policy is None:
             raise PolicyFileError(f"policy {own.policy}: {self.in_force.reason}")
         self._checked: deque[CheckedPolicy] = deque()  # from the other thread
@@ -115,17 +119,33 @@ class Policies:
     def _on_bytes(self, data: bytes) -> None:
         try:
             check_size(data)
-            if self._jobs.qsize() >= UNCHECKED:
-                raise Refused("too many", f"{UNCHECKED} policies wait for their check already")
         except Refused as error:
             self._keep(CheckedPolicy("", "policy", reason=str(error)))
             return
-        self._jobs.put(partial(self._check_message, data))
+        self._check("policy", partial(self._published, data), self._keep)
 
     def _on_load(self, request: LoadPolicy.Request, response: LoadPolicy.Response) -> Future:
         answer = Future(executor=self._node.executor)
-        self._jobs.put(partial(self._check_named, request.policy, response, answer))
+
+        def tell(checked: CheckedPolicy) -> None:
+            self._keep(replace(checked, by_operator=True))
+            response.success, response.message = checked.policy is not None, checked.reason
+            response.version = checked.version
+            answer.set_result(response)
+
+        self._check(one_line(request.policy, LONGEST_NAME), partial(self._named, request.policy), tell)
         return answer
+
+    def _check(self, source: str, check: Callable[[], CheckedPolicy], tell: Callable[[CheckedPolicy], None]) -> None:
+        """Have the other thread `check`, and `tell` what it found: a refusal, whatever it raised."""
+
+        def refuse(reason: str) -> CheckedPolicy:
+            return CheckedPolicy("", source, reason=reason)
+
+        if self._jobs.qsize() >= UNCHECKED:
+            tell(refuse(f"too many: {UNCHECKED} policies wait for their check already"))
+        else:
+            self._jobs.put(lambda: tell(guarded(check, refuse)()))
 
     def take(
         self, turn: tuple[int, int], accept: Callable[[str], None], refuse: Callable[[str, Refused], None]
@@ -167,7 +187,8 @@ class Policies:
         return new.policy
 
     def _here(self, version: str) -> CheckedPolicy | None:
-        return next((d for d in (self._built_in, self.in_force, *self._waiting) if d.version == version), None)
+        here = (*self._built_in.values(), self.in_force, *self._waiting)
+        return next((d for d in here if d.version == version), None)
 
     def _tell(self, checked: CheckedPolicy, turn: tuple[int, int]) -> None:
         """A policy is in force since `turn`, episode and tick, or was refused then."""
@@ -188,34 +209,28 @@ class Policies:
     def _work(self) -> None:
         step_back()  # a tick goes before a check
         while job := self._jobs.get():
-            job()
+            guarded(job, self._node.get_logger().error)()
 
-    def _check_message(self, data: bytes) -> None:
-        try:
-            message = decoded(data, PolicyWeights, LIMITS)
-        except Refused as error:
-            self._keep(CheckedPolicy("", "policy", reason=str(error)))
-            return
+    def _published(self, data: bytes) -> CheckedPolicy:
+        """What a message brings; raises `Refused`."""
+        message = decoded(data, PolicyWeights, LIMITS)
         checked = self._decode(bytes(message.data), message.source)
         if checked.policy is not None and checked.version != message.version:
             text = f"the message says version {message.version}; its content has {checked.version}"
-            checked = CheckedPolicy("", message.source, reason=text)
-        self._keep(checked)
+            return CheckedPolicy("", message.source, reason=text)
+        return checked
 
-    def _check_named(self, name: str, response: LoadPolicy.Response, answer: Future) -> None:
-        checked = replace(self._read(name), by_operator=True)
-        self._keep(checked)
-        response.success, response.message = checked.policy is not None, checked.reason
-        response.version = checked.version
-        answer.set_result(response)
-
-    def _read(self, name: str) -> CheckedPolicy:
-        """The shipped policy of this name, or the file."""
+    def _named(self, name: str) -> CheckedPolicy:
+        """One that is built in, the shipped policy of this name, or the file."""
+        if name in self._built_in:
+            return self._built_in[name]
+        source = one_line(name, LONGEST_NAME)
         try:
             data = read_bytes(policy_path(name), SIZE_LIMIT)
         except FileError as error:
-            return CheckedPolicy("", name, reason=f"cannot read it, neither a shipped one nor a file: {error}")
-        return self._decode(data, name)
+            reason = f"cannot read it, none of {', '.join(self._built_in)}, no shipped one, no file: {error}"
+            return CheckedPolicy("", source, reason=reason)
+        return self._decode(data, source)
 
     def _decode(self, data: bytes, source: str) -> CheckedPolicy:
         version = ""
@@ -223,8 +238,8 @@ class Policies:
             file = decode(data)
             version = file.version
             return CheckedPolicy(version, source, self._fit(file), data=data)
-        except PolicyFileError as error:
-            return CheckedPolicy(version, source, reason=str(error))
+        except Exception as error:  # `fit` may be another package's: those bytes are refused under their version
+            return CheckedPolicy(version, source, reason=reason_of(error))
 
     def _keep(self, checked: CheckedPolicy) -> None:
         self._checked.append(checked)
