@@ -56,7 +56,7 @@ test-browser: build tools ## the page in a headless Chromium, if there is one: a
 fuzz: build tools ## fuzz every entrance, 1,500 cases a test, 20,000 files, and the running graph: hours
 	@$(WITH_WORKSPACE) export OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 PYTEST_DISABLE_PLUGIN_AUTOLOAD=1 && \
 	  python -m pytest -p pytest_timeout -p _hypothesis_pytestplugin --hypothesis-profile=fuzz --hypothesis-show-statistics \
-	  --timeout=7200 tests/fuzz tests/metamorphic ros2_ws/src/rl_cbf_clf_controller/test/test_weights_bytes.py tests/ros/test_fuzz_nodes.py \
+	  --timeout=7200 tests/fuzz tests/metamorphic ros2_ws/src/rl_cbf_clf_controller/test/test_weights_bytes.py tests/ros/test_fuzz_nodes.py tests/ros/test_fuzz_graph.py \
 	  qa/test/ros/test_stateful.py $(ARGS) && python qa/test/hostile_files.py --cases 20000 --processes 2
 
 check: tools ## ruff, mypy and import-linter

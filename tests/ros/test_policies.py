@@ -301,6 +301,16 @@ def test_an_operator_loads_policies_by_command(world: Any, tmp_path: Path) -> No
     code, said = load(tmp_path / "none", *there)
     assert (code, said.count("\n")) == (2, 1)
     assert f"the controller refused {tmp_path}/none: cannot read" in said
+    assert load("zero", *there) == (0, "zero: loaded, version zero\n")
+    world.wait(lambda: swaps[-1].version == "zero")
+    code, said = load("nope", *there)
+    assert (code, said.count("\n")) == (2, 1)
+    assert "nope: expected a policy file, zero, or one of" in said
+    code, said = load("zero", "--namespace", "nobody")
+    assert (code, said) == (
+        1,
+        "rabbit: no graph in namespace /nobody: start one with `rabbit walk`, or wait for one with --timeout\n",
+    )
     code, said = load(file, "--timeout", 0.5)
     assert (code, said.count("\n")) == (1, 1)
     assert "no answer from /load_policy after 0.5 s" in said

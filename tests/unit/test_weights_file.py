@@ -1,12 +1,19 @@
 """The policy file: what is read back, and what is refused with which word."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from own_systems.loading import load_task
+from rabbit_description.gait import load_gaits
+from rabbit_experiments.assembly import resolve_policy
+from rabbit_rivals import model_file
+from rabbit_rivals.gp_controller import GpAbout
 from rl_cbf_clf_controller.controller_output import flat
+from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ActorPolicy, ZeroPolicy, estimate_function
 from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.uncertainty import PAPER, RL_CBF_CLF_QP, RL_CLF_QP, STEP_LENGTH
@@ -16,6 +23,7 @@ from rl_cbf_clf_controller.weights import (
     PolicyFile,
     PolicyFileError,
     decode,
+    policy_path,
     read,
 )
 from rl_trainer.parameters import TrainingParameters
@@ -100,6 +108,32 @@ def test_outputs_that_differ_from_those_stored_are_refused() -> None:
     arrays = file.arrays | {PROBE: file.arrays[PROBE] + np.float32(0.01)}
     with pytest.raises(PolicyFileError, match="fixed observations"):
         decode(PolicyFile(file.metadata, arrays).encode())
+
+
+@pytest.mark.parametrize(
+    "reads", [read, lambda path: model_file.read(path, GpAbout)], ids=["policy", "model of a study"]
+)
+@pytest.mark.parametrize("header", [b'{"__metadata__":null}', b'{"__metadata__":{}}', b"{}"])
+def test_a_header_alone_is_refused(header: bytes, reads: Callable[[Path], Any], tmp_path: Path) -> None:
+    """Which `safetensors` takes for a sound file of no arrays."""
+    (tmp_path / "file").write_bytes(len(header).to_bytes(8, "little") + header)
+    with pytest.raises(PolicyFileError):
+        reads(tmp_path / "file")
+
+
+@pytest.mark.parametrize("name", ["a" * 300, f"{'a' * 300}.yaml", f"{'a' * 300}.py", "a/" * 3000, "\0"])
+@pytest.mark.parametrize(
+    "reads",
+    [
+        lambda name: read(policy_path(name)),
+        lambda name: resolve_policy(name, ControllerParameters()),
+        load_gaits,
+        load_task,
+    ],
+)
+def test_what_no_file_can_be_called_is_refused(reads: Callable[[str], Any], name: str) -> None:
+    with pytest.raises(ValueError, match=r"expected|no such|No such|cannot read|no file"):
+        reads(name)
 
 
 def test_missing_file_is_named(tmp_path: Path) -> None:

@@ -31,7 +31,7 @@ def guarded(call: Callable[P, T], refuse: Callable[Concatenate[str, P], T]) -> C
 
 
 def reason_of(error: BaseException) -> str:
-    """What an error says, in one line; where it is no word of ours, which are `ValueError`s, also its type and place."""
+    """What an error says, in one line; its type and place too where it is no `ValueError`, as ours are."""
     said = one_line(error)
     if isinstance(error, ValueError) and said:
         return said

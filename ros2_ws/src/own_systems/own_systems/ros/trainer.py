@@ -36,7 +36,7 @@ class NodeParameters(BaseModel):
 
     task: str = Field("", description=TASK)
     seed: int = Field(1, ge=0, le=2**32 - 1, description="seed of the training")
-    episodes: int = Field(4, ge=1, description="to learn from")
+    episodes: int = Field(4, ge=1, le=10_000, description="to learn from")
     path: str = Field("policy.safetensors", min_length=1, description="the policy's file after all episodes")
 
 

@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable
 from typing import NamedTuple
 
+import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rabbit_common.executables import LaunchError
 from rabbit_common.exit_codes import CUT_SHORT, ExitCode
@@ -87,10 +88,10 @@ class WalkMonitor(GraphClient):
         margin = min(landing.l - landing.l_min, landing.l_max - landing.l) if landing.episode else math.nan
         simulator, controller = (self._said.get(name, UNHEARD) for name in ("simulator", "controller"))
         slack, ratio = figure(controller, "CLF slack"), figure(simulator, "force ratio")
-        ticks = figure(simulator, "ticks")
+        ticks = int(np.nan_to_num(figure(simulator, "ticks")))
         names = [each.key.removeprefix(BARRIER) for each in controller.values if each.key.startswith(BARRIER)]
         barriers = {name: figure(controller, BARRIER + name) for name in names}
-        return Progress(e.episode, stone, e.stones, margin, barriers, slack, ratio, int(ticks) if math.isfinite(ticks) else 0)
+        return Progress(e.episode, stone, e.stones, margin, barriers, slack, ratio, ticks)
 
     def not_ready(self, nodes: list[str]) -> dict[str, str]:
         """Which of the nodes are not ready, and what they say; and topics that do not reach all who need them."""

@@ -35,6 +35,7 @@ LENGTHS = {
     **{"foot_force": 2 * len(FEET), "contact": len(FEET), "applied": len(ACTUATED)},
 }
 LARGEST_SIGMA = 1000.0  # rad/s^2, as the controller's parameter
+LATE = "late"  # reason of a refusal
 UNIT = 1e-6  # by which a quaternion's norm may be off
 UNKNOWN = -1.0  # as the first of a covariance: an `Imu` does not measure that
 
@@ -118,7 +119,32 @@ def check_episode(message: msg.Episode, after: int) -> None:
         if (got := tuple(getattr(message, name))) not in ((), own):
             raise Refused("another robot", f"{name} = {', '.join(got[:8])}; expected {', '.join(own)}")
     if message.episode < after and not is_new_simulator(message):
-        raise Refused("late", f"episode {message.episode}; expected {after} or a later one")
+        raise Refused(LATE, f"episode {message.episode}; expected {after} or a later one")
+
+
+class Announcements:
+    """Where the simulator stands, as a node needs it that may have been led ahead by an episode that never was.
+
+    Then the true ones are late, for ever. So the second that is late, with no tick between, leads the node back.
+    """
+
+    def __init__(self) -> None:
+        self._late = 0
+
+    def went_on(self) -> None:
+        """A state came that was next in turn."""
+        self._late = 0
+
+    def check(self, message: msg.Episode, present: int) -> bool:
+        """Whether what is known is of no use any more; `present`: the episode of the newest state. Raises `Refused`."""
+        try:
+            check_episode(message, present)
+        except Refused as error:
+            self._late += error.reason == LATE
+            if error.reason != LATE or self._late < 2:
+                raise
+            return True
+        return is_new_simulator(message) and present > 0
 
 
 def is_new_simulator(message: msg.Episode) -> bool:

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from rabbit_common.message_checks import Refused, check_finite, check_lengths, check_turn, doubles
 from rabbit_common.priority import scheduling, take_priority
-from rabbit_common.ros.conversions import LENGTHS, check_episode, encoders_of, imu_of, is_new_simulator, nanoseconds
+from rabbit_common.ros.conversions import LENGTHS, Announcements, encoders_of, imu_of, nanoseconds
 from rabbit_common.ros.diagnostics import OK, WARN, Diagnostics, Status
 from rabbit_common.ros.parameters import declare, refuse_unknown
 from rabbit_common.ros.qos import EVENT, TICK
@@ -49,7 +49,7 @@ class EstimatorNode(SimulatorFollower):
         refuse_unknown(self)
         take_priority(own.priority, self.get_logger().warning)
         self._estimator = ContactAidedFilter(parameters)
-        self._episode = Episode()
+        self._episode, self._announcements = Episode(), Announcements()
         self._forget()
         self._states = self.create_publisher(StateMessage, "state", TICK)
         self._inputs = self._hear_simulator(StateMessage, "measured", self._on_measured, TICK)
@@ -86,6 +86,7 @@ class EstimatorNode(SimulatorFollower):
         if not begins or not message.running:
             check_turn(turn, (self._turn[0], self._turn[1] + 1))
         self._message_counter.accept("measured")
+        self._announcements.went_on()
         self._turn, self._early, self._answer = turn, None, None
         if begins:
             self._open.clear()
@@ -121,10 +122,9 @@ class EstimatorNode(SimulatorFollower):
         self._go_on()
 
     def _on_episode(self, message: Episode) -> None:
-        check_episode(message, self._turn[0])
-        self._message_counter.accept("episode")
-        if is_new_simulator(message) and self._turn[0] > 0:
+        if self._announcements.check(message, self._turn[0]):
             self._forget()
+        self._message_counter.accept("episode")
         self._episode = message
         if self._early is not None and self._early.episode == message.episode:
             try:

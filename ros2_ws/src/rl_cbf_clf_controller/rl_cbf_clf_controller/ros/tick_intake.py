@@ -9,9 +9,8 @@ import math
 
 from rabbit_common.message_checks import Refused, check_turn
 from rabbit_common.ros.conversions import (
-    check_episode,
+    Announcements,
     check_state,
-    is_new_simulator,
     is_unknown,
     nanoseconds,
     other_tick,
@@ -36,6 +35,7 @@ class TickIntake:
     def __init__(self) -> None:
         self.episode = Episode(sigma=math.nan)
         self.early: StateMessage | None = None
+        self._announcements = Announcements()
         self._forget()
 
     def _forget(self) -> None:
@@ -64,14 +64,14 @@ class TickIntake:
             check_turn(turn, turn if begins and message.tick == 0 else (self.turn[0], self.turn[1] + 1))
             if unknown:
                 fault = f"the state of tick {message.tick} is not known: see the estimator's log"
+        self._announcements.went_on()
         self.turn, self.early = turn, None
         self.held = message if message.running and not fault else None
         return fault
 
     def announce(self, message: Episode) -> StateMessage | None:
         """Another announcement. Returns the state that was early for it; raises `Refused`."""
-        check_episode(message, self.turn[0])
-        if is_new_simulator(message) and self.turn[0] > 0:
+        if self._announcements.check(message, self.turn[0]):
             self._forget()
         self.episode = message
         early = self.early

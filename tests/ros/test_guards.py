@@ -1,0 +1,107 @@
+"""A callback or a service that raises refuses what came, and takes the next one."""
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+import rclpy
+from rabbit_common.guard import guarded
+from rabbit_common.ros.checked_node import FAULT, CheckedNode
+from rabbit_common.ros.services import call_service, guard_services
+from rabbit_msgs.msg import EpisodePlan
+from rcl_interfaces.msg import Parameter, ParameterValue
+from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
+from rclpy.experimental import EventsExecutor
+from rclpy.serialization import serialize_message
+from rclpy.signals import SignalHandlerOptions
+from std_srvs.srv import SetBool
+
+UNKNOWN = Parameter(name="number", value=ParameterValue(type=77))  # a type that ROS has not
+NUMBER = Parameter(name="number", value=ParameterValue(type=2, integer_value=5))
+
+
+class Careless(CheckedNode):
+    """Divides by what it hears, and by whether it is to pause."""
+
+    def __init__(self) -> None:
+        super().__init__("careless")
+        self.heard, self.faults = list[float](), list[str]()
+        self.declare_parameter("number", 1)
+        self.subscription = self._hear(EpisodePlan, "episode_plan", self._on_plan, 10)
+        self.create_service(SetBool, "pause", self._on_pause)
+        guard_services(self)
+
+    def _on_plan(self, message: EpisodePlan) -> None:
+        self.heard.append(1 / message.sigma)
+
+    def _on_fault(self, reason: str) -> None:
+        self.faults.append(reason)
+
+    def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        response.message = str(1 / request.data)
+        response.success = True
+        return response
+
+
+@pytest.fixture
+def node() -> Iterator[Careless]:
+    """One in this process."""
+    rclpy.init(args=["--ros-args", "--log-level", "fatal"], signal_handler_options=SignalHandlerOptions.NO)
+    node = Careless()
+    yield node
+    node.destroy_node()
+    rclpy.try_shutdown()
+
+
+@pytest.fixture
+def ask(node: Careless) -> Iterator[Callable[..., Any]]:
+    """Calls a service of the node, which is spun meanwhile."""
+    client, executor = rclpy.create_node("client"), EventsExecutor()
+    for each in (node, client):
+        executor.add_node(each)
+
+    def call(kind: Any, name: str, **fields: Any) -> Any:
+        answer = call_service(client.create_client(kind, name), kind.Request(**fields), executor.spin_once, 60.0)
+        assert answer is not None
+        return answer
+
+    yield call
+    executor.shutdown()
+    client.destroy_node()
+
+
+def test_a_message_on_which_a_callback_fails_is_refused(node: Careless) -> None:
+    for sigma in (0.0, 0.5, 0.0, 0.25):
+        node.subscription.callback(bytes(serialize_message(EpisodePlan(sigma=sigma))))
+    assert node.heard == [2.0, 4.0]
+    assert node._message_counter.refused == {f"episode_plan: {FAULT}": 2}
+    assert node.faults[0].startswith("episode_plan: ZeroDivisionError: float division by zero (test_guards.py, line")
+
+
+def test_a_request_on_which_a_service_fails_is_answered(ask: Callable[..., Any]) -> None:
+    for _ in range(2):
+        answer = ask(SetBool, "pause", data=False)
+        assert (answer.success, "ZeroDivisionError" in answer.message) == (False, True)
+        assert ask(SetBool, "pause", data=True).success
+
+
+def test_a_parameter_of_no_type_is_refused(ask: Callable[..., Any]) -> None:
+    """ROS's own service raises; of several parameters those before are set, and the others are not."""
+    results = ask(SetParameters, "careless/set_parameters", parameters=[NUMBER, UNKNOWN, NUMBER]).results
+    assert [each.successful for each in results] == [True, False, False]
+    assert "77" in results[1].reason
+    result = ask(SetParametersAtomically, "careless/set_parameters_atomically", parameters=[UNKNOWN]).result
+    assert (result.successful, "77" in result.reason) == (False, True)
+    (value,) = ask(GetParameters, "careless/get_parameters", names=["number"]).values
+    assert value.integer_value == 5
+
+
+def test_what_ends_a_process_is_a_reason_too_but_for_ctrl_c() -> None:
+    def call(error: BaseException) -> str:
+        raise error
+
+    safe = guarded(call, lambda reason, error: f"{reason}; {error!r}")
+    assert safe(SystemExit(3)).startswith("SystemExit: 3 (test_guards.py")
+    assert safe(ValueError("sigma = -1: expected 0 or more")).startswith("sigma = -1: expected 0 or more; ")
+    with pytest.raises(KeyboardInterrupt):
+        safe(KeyboardInterrupt())
