@@ -136,7 +136,7 @@ def test_the_graph_of_a_walk(world: Any) -> None:
     world.start("simulator", sensors="lab", episodes=0, **SHORT)
     world.start("estimator")
     world.start("controller", **controller)
-    world.start("trainer", hidden1=4, hidden2=4, batch=4, updates_least=1, capacity=500)
+    world.start("trainer", plan_episodes=False, hidden1=4, hidden2=4, batch=4, updates_least=1, capacity=500)
     world.start("recorder", path=str(world.folder / "recording"))
     world.start("viewer", port=0, browser=False, control=True)
     nodes = ["simulator", "estimator", "controller", "trainer", "recorder", "viewer"]
