@@ -13,9 +13,12 @@ from typing import Any
 import pytest
 from hostile_messages import hostile, hostile_request, type_named
 from hypothesis import settings
+from own_systems.episode import beginning
 from own_systems.loading import load_task
+from own_systems.messages import parameter_fields
+from rabbit_common.ros.qos import TICK
 from rabbit_common.ros.services import call_service
-from rabbit_msgs.msg import Episode
+from rabbit_msgs.msg import Episode, TaskParameters
 from rcl_interfaces.msg import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import JointState
@@ -188,15 +191,18 @@ def test_the_controller_of_a_task_before_a_robot(world: Any) -> None:
     assert all(math.isfinite(u) for each in commands for u in each.data)
     assert stranger.ask("load_policy", policy="zero").success
     task = load_task(str(SEGWAY))
-    sensors, wanted = (
-        world.node.create_publisher(kind, name, qos_profile_sensor_data)
-        for kind, name in ((JointState, "joint_states"), (Float64MultiArray, "wanted"))
-    )
-    zeros = [0.0] * len(task.names_of_q)
+    x, commanded, _ = beginning(task, 0)
+    p, zeros = task.parameters_at({}, commanded(0.0)), [0.0] * len(x)
+    sound = {
+        "joint_states": JointState(name=task.names_of_q, position=x, velocity=zeros),
+        "parameters": TaskParameters(**parameter_fields(task, p)),
+        "wanted": Float64MultiArray(data=[1.0] * len(task.names_of_u)),
+    }
+    publishers = {name: world.node.create_publisher(type(message), name, TICK) for name, message in sound.items()}
 
     def goes_on(until: Callable[[], bool]) -> bool:
-        sensors.publish(JointState(name=task.names_of_q, position=zeros, velocity=zeros))
-        wanted.publish(Float64MultiArray(data=[1.0] * len(task.names_of_u)))
+        for name, message in sound.items():
+            publishers[name].publish(message)
         return until()
 
     world.wait(lambda: goes_on(lambda: stranger.ask("pause", data=False).success))
