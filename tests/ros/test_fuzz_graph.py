@@ -29,7 +29,7 @@ from .conftest import SHORT
 SEGWAY = Path(__file__).parents[2] / "examples" / "segway.py"
 SENT = 20_000 if settings().max_examples > 1000 else 400  # of the profile that `make fuzz` chooses
 STRANGER = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)  # every reader takes what it sends
-STARTS = 600.0  # s, in which the nodes of a graph are there on a busy machine: a guard, no bar
+HANGS = 600.0  # s, in which nodes start and answer on a busy machine, also while they learn: a guard, no bar
 AT_ONCE = 4  # requests that wait for their answer
 REQUESTS = 0.2  # of all that is sent
 
@@ -51,7 +51,7 @@ class Stranger:
 
         known = set(nodes)
         there = self._node.get_node_names_and_namespaces
-        world.wait(lambda: known <= {name for name, _ in there()} and are_known(), STARTS)
+        world.wait(lambda: known <= {name for name, _ in there()} and are_known(), HANGS)
         heard = [each for name in nodes for each in ends[name]]
         served = [each for name in nodes for each in ends[f"{name} serves"]]
         self.topics = {name: type_named(kinds[0]) for name, kinds in heard}
@@ -97,7 +97,7 @@ class Stranger:
             return len(answers) <= most
 
         try:
-            self._world.wait(is_answered)
+            self._world.wait(is_answered, HANGS)
         except AssertionError as error:
             raise AssertionError(f"no answer from {[name for name, _ in answers]}") from error
 
@@ -113,7 +113,7 @@ class Stranger:
     def ask(self, name: str, **fields: Any) -> Any:
         """The answer of a service."""
         path = name if name.startswith("/") else f"/{self._world.namespace}/{name}"
-        answer = call_service(self._clients[path], self.services[path].Request(**fields), self._world.spin, 180.0)
+        answer = call_service(self._clients[path], self.services[path].Request(**fields), self._world.spin, HANGS)
         assert answer is not None, f"no answer from {name}"
         return answer
 
@@ -122,7 +122,7 @@ class Stranger:
         names = self.ask(f"{node}/list_parameters").result.names
         described = self.ask(f"{node}/describe_parameters", names=names).descriptors
         names = [each.name for each in described if not each.read_only]
-        values = self.ask(f"{node}/get_parameters", names=names).values
+        values = self.ask(f"{node}/get_parameters", names=names).values if names else []
         return [Parameter(name=name, value=value) for name, value in zip(names, values, strict=True)]
 
 
