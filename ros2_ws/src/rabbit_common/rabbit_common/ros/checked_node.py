@@ -45,7 +45,7 @@ class CheckedNode(Node):
             except Refused as error:
                 self._refuse(topic, error)
 
-        def fail(reason: str, *_: P.args, **__: P.kwargs) -> None:
+        def fail(reason: str, /, *_: P.args, **__: P.kwargs) -> None:
             self._refuse(topic, Refused(FAULT, reason))
             self._on_fault(f"{topic}: {reason}")
 
