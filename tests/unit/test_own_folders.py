@@ -1,10 +1,16 @@
-"""What `--out` names is written to only if nothing is there, or the same command's own."""
+"""What `--out` names is written to only if nothing is there, or the same command's own, and nobody writes there."""
 
+import fcntl
+import os
+import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 import typer
 from rabbit_bringup.cli import app, commands
+from rabbit_common.own_folder import RESERVED, new_file, own_folder
 from typer.testing import CliRunner, Result
 
 FOREIGN = (
@@ -86,6 +92,95 @@ def test_a_file_that_is_there_stays_as_it_is(tmp_path: Path, monkeypatch: pytest
     monkeypatch.chdir(tmp_path)
     refused(rabbit(name, *FILES[name], "--out", path), path)
     assert path.read_text() == "mine"
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_link_to_nothing_is_there_already(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    path = tmp_path / "new.safetensors"
+    path.symlink_to(tmp_path / "nothing")
+    monkeypatch.chdir(tmp_path)
+    refused(rabbit(name, *FILES[name], "--out", path), path)
+    assert [each.name for each in tmp_path.iterdir()] == [path.name]
+
+
+@pytest.mark.parametrize("name", {**FOLDERS, **FILES})
+def test_a_name_that_is_too_long_is_an_error_at_the_door(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    """Also of a file whose own name is not, but that of its unfinished copy."""
+    monkeypatch.chdir(tmp_path)
+    for length in [300, *([230] if name in FILES else [])]:
+        path = tmp_path / ("n" * (length - 12) + ".safetensors")
+        done = rabbit(name, *{**FOLDERS, **FILES}[name], "--out", path)
+        assert (done.exit_code, done.stderr.count("\n")) == (2, 1), done.output
+        assert "too long" in done.stderr
+        assert not [each for each in tmp_path.iterdir() if "n" * 200 in each.name]
+
+
+@pytest.mark.parametrize("name", {**FOLDERS, **FILES})
+def test_two_commands_do_not_write_to_one_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "out.safetensors"
+    if name in FOLDERS:
+        path.mkdir()
+        command = name.partition(",")[0].replace(" ", "-")
+        if command not in ("walk", "soak", "jitter"):  # theirs are always new
+            (path / f".rabbit-{command}").touch()
+    place = path if name in FOLDERS else tmp_path / RESERVED.format(path.name)
+    descriptor = os.open(place, os.O_RDONLY | (0 if name in FOLDERS else os.O_CREAT))
+    fcntl.flock(descriptor, fcntl.LOCK_EX)
+    before = contents(tmp_path)
+    done = rabbit(name, *{**FOLDERS, **FILES}[name], "--out", path)
+    refused(done, path)
+    assert "another command is writing there" in done.stderr
+    assert contents(tmp_path) == before
+    os.close(descriptor)
+
+
+LONG = "n" * 300
+READS = {
+    **{f"evaluate --{each}": ("--out", "out") for each in ("policy", "gait", "parameters", "course")},
+    **{f"bag {name} {LONG}": () for name in ("info", "check", "explain --worst", "plot", "show", "recover")},
+    **{f"policy {each} {LONG}": () for each in ("show", "verify")},
+    f"system evaluate {LONG}.py": (),
+    f"system evaluate {CART_POLE} --controller {LONG}.safetensors": (),
+    "scales --into": (),
+    "play --recording": ("--port", 0, "--no-browser"),
+}
+
+
+@pytest.mark.parametrize("name", READS, ids=lambda name: name.replace(LONG, "").replace(str(CART_POLE), ""))
+def test_what_cannot_be_the_name_of_a_file_is_an_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    done = rabbit(name, *([] if LONG in name else [LONG]), *READS[name])
+    assert (done.exit_code, done.stderr.count("\n")) == (2, 1), done.output
+    assert "n" * 99 in done.stderr
+    assert not list(tmp_path.iterdir())
+
+
+HOLDS = """
+import sys, time
+from pathlib import Path
+from rabbit_common.own_folder import new_file, own_folder
+own_folder(Path(sys.argv[1]), "train")
+new_file(Path(sys.argv[2]))
+print("held", flush=True)
+time.sleep(100)
+"""
+
+
+def test_a_lock_dies_with_its_process(tmp_path: Path) -> None:
+    places = tmp_path / "folder", tmp_path / "file"
+    with subprocess.Popen([sys.executable, "-c", HOLDS, *map(str, places)], stdout=subprocess.PIPE) as other:
+        assert other.stdout
+        assert other.stdout.readline() == b"held\n"
+        for take in (lambda: own_folder(places[0], "train"), lambda: new_file(places[1])):
+            with pytest.raises(typer.Exit):
+                take()
+        other.send_signal(signal.SIGKILL)
+    assert (own_folder(places[0], "train"), new_file(places[1])) == places
 
 
 @pytest.mark.parametrize("first", ["evaluate", "train"])

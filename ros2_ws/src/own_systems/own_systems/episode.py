@@ -49,7 +49,8 @@ class Moment:
 class Ride:
     """An episode: its moments; `outcome` is done, failed, or no answer; `impacts`: how many there were.
 
-    `last`: state x (n,) and the model's parameters p (k,) after the last tick, which no controller sees; None: not known.
+    `last`: state x (n,) and the model's parameters p (k,) after the last tick, which no controller sees; None: not
+    known.
     """
 
     task: ControlTask

@@ -15,6 +15,22 @@ class FileError(ValueError):
     """A file that cannot be read, in one line without its name."""
 
 
+def is_file(path: Path) -> bool:
+    """Whether there is such a file; not under a name that is too long, of which `Path` raises."""
+    try:
+        return path.is_file()
+    except OSError:
+        return False
+
+
+def exists(path: Path) -> bool:
+    """Whether there is something; not under a name that is too long."""
+    try:
+        return path.exists()
+    except OSError:
+        return False
+
+
 def read_bytes(path: Path, most: int) -> bytes:
     """Read a regular file of at most `most` bytes. It never blocks: a pipe or a device is refused.
 

@@ -15,6 +15,7 @@ from typing import Any
 
 import lz4.frame  # type: ignore[import-untyped]
 from backports import zstd
+from rabbit_description.bounded_file import exists
 from rabbit_description.validation import one_line
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection
@@ -65,7 +66,7 @@ def last_name(topic: str) -> str:
 def storage_files(path: Path, *suffixes: str) -> list[Path]:
     """The files that hold the messages, .mcap and .db3 if no `suffixes`; raises `RecordingError` if there are none."""
     suffixes = suffixes or (".mcap", ".db3")
-    if not path.exists():
+    if not exists(path):
         raise RecordingError(f"recording {path}: no such file or folder")
     with one_line_errors(path):
         files = sorted(file for file in (path.iterdir() if path.is_dir() else [path]) if file.suffix in suffixes)

@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+from rabbit_description.bounded_file import exists
 from rabbit_experiments.walk_records import (
     DRAWN_OF_PLANT,
     PLANT,
@@ -51,12 +52,12 @@ def film_walk(
 
 def records_of(source: Path, episode: int | None = None) -> WalkRecords:
     """The records of a run, or the ticks of a recording's episode; raises as `draw_pictures`."""
-    return load_records(source / RECORDS) if (source / RECORDS).exists() else records_of_bag(source, episode)
+    return load_records(source / RECORDS) if exists(source / RECORDS) else records_of_bag(source, episode)
 
 
 def _place(source: Path, name: str, suffix: str) -> Path:
     """In a run's folder, or next to a recording."""
-    is_run = (source / RECORDS).exists()
+    is_run = exists(source / RECORDS)
     return source / name if is_run else source.with_name(f"{source.resolve().stem}{suffix}")
 
 

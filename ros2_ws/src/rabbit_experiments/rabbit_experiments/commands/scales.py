@@ -7,6 +7,7 @@ import typer
 from pydantic import Field
 from rabbit_common.options import Defaults, Given, complaints, fail, options
 from rabbit_description.atomic_file import replace_text
+from rabbit_description.bounded_file import is_file
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
@@ -35,7 +36,7 @@ def scales(given: Given) -> None:
     from rabbit_experiments.measured_scales import ScalesError, measure_scales
 
     request = given.build(ScalesOptions)
-    text = request.into.read_text(encoding="utf-8") if request.into and request.into.is_file() else ""
+    text = request.into.read_text(encoding="utf-8") if request.into and is_file(request.into) else ""
     lines = len(LINE.findall(text))
     if request.into and lines != 1:
         fail(f"--into {request.into}: {lines} lines that begin with SCALES and have =; expected one")

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 from rabbit_common.guard import guarded
+from rabbit_description.bounded_file import exists
 from rabbit_description.state import TICK_SECONDS, StonePreview
 from rabbit_experiments.walk_records import ARRAYS, RECORDING, RECORDS, SEEN, WalkRecords
 from rabbit_recording.explaining import explain_tick
@@ -31,8 +32,8 @@ def show_recording(source: Path, port: int, opens_browser: bool, export: Path | 
         PageError: the port is taken, or the file cannot be written.
     """
     broadcast = Broadcast()
-    bag = source / RECORDING if (source / RECORDING).exists() else source
-    has_ticks = not (bag / RECORDS).exists()  # and not the arrays alone
+    bag = source / RECORDING if exists(source / RECORDING) else source
+    has_ticks = not exists(bag / RECORDS)  # and not the arrays alone
     fill(broadcast, records_of(source, episode), source.name, has_ticks and not export)
     serve_or_write(broadcast, lambda tick: explain_tick(bag, tick, episode).lines(), port, opens_browser, export)
 

@@ -13,6 +13,7 @@ from typing import Any, Protocol
 
 from pydantic import BaseModel
 from rabbit_common.guard import guarded
+from rabbit_description.validation import one_line
 
 from rabbit_viewer.page import Explain
 from rabbit_viewer.page.rows import packed
@@ -177,11 +178,11 @@ class Playing(ABC):
 
 
 def play(make: Callable[[Any, Send], Playing], send: Send, start: Any, wishes: "Queue[Any]") -> None:
-    """Play until the process ends; where nothing can be made of `start`, which is a `PlayError`, say so."""
+    """Play until the process ends; where nothing can be made of `start`, whatever that raises, say so."""
     try:
         player = make(start, send)
-    except PlayError as error:
-        send("fail", str(error))
+    except Exception as error:  # a file that is named may raise anything
+        send("fail", str(error) if isinstance(error, PlayError) else f"{type(error).__name__}: {one_line(error)}")
         return
     take = guarded(player.take, lambda reason, _: player.say("note", {"text": reason}))
     now = due = shown = time.monotonic()
