@@ -11,6 +11,7 @@ from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.evaluation import record_walk
 from rabbit_experiments.walk_records import ARRAYS, RECORDS, RecordsError, WalkRecords, load_records, save_records
 from rabbit_sim.parameters import SimulationParameters
+from rabbit_viewer.curve_picture import draw_curve
 from rabbit_viewer.geometry import fall_of, feet, stone_spans
 from rabbit_viewer.pictures import swing_foot
 from rabbit_viewer.scene import SIZE, Scene
@@ -33,6 +34,14 @@ def walk_on(controller: str) -> WalkRecords:
 @pytest.fixture(scope="module")
 def walk() -> WalkRecords:
     return walk_on("cbf-clf-qp")
+
+
+def test_the_curve_of_a_training_is_drawn_from_its_table(tmp_path: Path) -> None:
+    """A cell is empty where an episode has no losses."""
+    table = "episode,episode/steps,reward/V,reward/B1,losses/actor\n0,3,-2,-1,\n1,5,-1.5,-0.5,0.2\n2,20,-0.1,-0.2,-4\n"
+    (tmp_path / "curve.csv").write_text(table)
+    assert draw_curve(tmp_path) == tmp_path / "curve.png"
+    assert imageio.imread(tmp_path / "curve.png").std() > 1
 
 
 def test_swing_foot_lands_where_the_simulator_says(walk: WalkRecords) -> None:

@@ -17,9 +17,11 @@ import joblib
 from joblib.externals.loky.backend import resource_tracker as loky_tracker
 from rabbit_common.child_process import end_with_parent
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Column
 
 from rabbit_experiments.cache import Cache, Job, JobError
 
+BAR_WIDTH = 20  # characters
 ENDING = (signal.SIGINT, signal.SIGTERM)
 
 
@@ -61,9 +63,10 @@ def run(
 
 
 def progress_bar() -> Progress:
-    """Done, of all, times, and a text."""
-    times = TimeElapsedColumn(), TimeRemainingColumn()
-    return Progress(BarColumn(), MofNCompleteColumn(), *times, TextColumn("{task.description}"))
+    """Done, of all, times, and of a text what the terminal has room for beside them."""
+    text = TextColumn("{task.description}", table_column=Column(ratio=1, no_wrap=True, overflow="ellipsis"))
+    columns = BarColumn(BAR_WIDTH), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn(), text
+    return Progress(*columns, expand=True)
 
 
 def batches(jobs: Sequence[Job], most: int, processes: int) -> list[list[Job]]:

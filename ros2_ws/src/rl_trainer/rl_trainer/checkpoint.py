@@ -4,6 +4,7 @@ DIR/parameters.yaml             what was asked for
 DIR/checkpoint.pt               all of the trainer after an episode, with a checksum; replaced at once or not at all
 DIR/checkpoint-before.pt        the one before; training goes on from it where the newest is damaged
 DIR/policies/NNN.safetensors    the policy after episode NNN
+DIR/curve.csv                   how the episodes went, see `curve.py`
 DIR/journal-NNNNNN.txt          a node's transitions since then: a line of JSON each, after its checksum
 
 A line is handed to the operating system before its transition is published, not synced: a killed process loses
@@ -27,6 +28,7 @@ from rabbit_description.bounded_file import read_bytes
 from rabbit_description.validation import one_line
 from rabbit_description.yaml_file import dump_yaml
 
+from rl_trainer.curve import write_curve
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.training import Trainer
 from rl_trainer.transitions import Doubt, Transition
@@ -85,6 +87,7 @@ class Checkpoint:
         """After an episode: the policy and all of the trainer's state; what journals hold is in there."""
         trainer, newest, content = self.trainer, self.folder / CHECKPOINT, io.BytesIO()
         trainer.policy_file().write(self.folder / "policies" / f"{trainer.episode:03d}.safetensors")
+        write_curve(self.folder, trainer.reports)
         torch.save({"parameters": trainer.parameters.key, **trainer.state_dict()}, content)
         data = content.getvalue()
         with replacing(newest) as partial:

@@ -11,6 +11,7 @@ from pathlib import Path
 from rl_cbf_clf_controller.policy import LearnedPolicy
 
 from rl_trainer.checkpoint import Checkpoint
+from rl_trainer.curve import scalars
 from rl_trainer.rollout import Controller, Simulation, rollout
 from rl_trainer.training import EpisodeReport, Trainer
 
@@ -65,11 +66,3 @@ def tell_of_thread(told: threading.ExceptHookArgs) -> None:
     """Not of TensorBoard's: what ends its thread, as a full disk does, is raised again where an episode is logged."""
     if not type(told.thread).__module__.startswith("tensorboard."):
         threading.__excepthook__(told)
-
-
-def scalars(report: EpisodeReport) -> dict[str, float]:
-    """What is logged of an episode, by name."""
-    found = {f"episode/{name}": float(getattr(report, name)) for name in ("steps", "ticks", "kept", "failed", "sigma")}
-    for group in ("reward", "losses", "left_out"):
-        found |= {f"{group}/{name}": value for name, value in getattr(report, group).items()}
-    return found

@@ -1,5 +1,6 @@
 """The episode loop in a tiny world: resuming, checkpoints, what the folder holds."""
 
+import csv
 import errno
 import itertools
 import os
@@ -18,9 +19,10 @@ from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_cbf_clf_controller.uncertainty import RL_CLF_QP
 from rl_cbf_clf_controller.weights import read
 from rl_trainer.checkpoint import CHECKPOINT, Checkpoint, CheckpointError
+from rl_trainer.curve import CURVE, scalars
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.rollout import Record, rollout
-from rl_trainer.session import resume, scalars
+from rl_trainer.session import resume
 from rl_trainer.training import DivergenceError, Provenance, Trainer
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from tensorboard.summary.writer.record_writer import RecordWriter
@@ -46,6 +48,12 @@ def test_a_killed_run_resumes_with_nothing_lost(tmp_path: Path, toy_world: Any, 
     assert again.trainer.reports == reports
     assert all(report.seconds > 0 for report in again.trainer.reports)
     assert again.trainer.policy_file().encode() == whole.trainer.policy_file().encode()
+    curve, other = ((folder / CURVE).read_text() for folder in (whole.folder, again.folder))
+    assert curve == other
+    rows = list(csv.DictReader(curve.splitlines()))
+    assert [int(row.pop("episode")) for row in rows] == [0, 1, 2, 3]
+    for row, report in zip(rows, reports, strict=True):
+        assert {name: float(text) for name, text in row.items() if text} == scalars(report)
     assert not list(resume(Checkpoint(tmp_path / "cut", Trainer(PARAMETERS)), toy_world, toy_controller))
 
 

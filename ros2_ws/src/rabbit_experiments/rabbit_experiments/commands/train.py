@@ -1,5 +1,6 @@
 """Learn a policy in process."""
 
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -63,9 +64,21 @@ def train(given: Given) -> None:
         try:
             follow(trainer, reports)
         except KeyboardInterrupt as stop:
+            draw_curve(request.out)
             fail("stopped; the same command goes on from the last whole episode", code=of_interrupt(stop))
         trainer.policy_file().write(request.out / POLICY)
     print(f"written {request.out / POLICY}")
+    draw_curve(request.out)
+
+
+def draw_curve(folder: Path) -> None:
+    """Draw the curve of what was trained, if anything was and rabbit_viewer, which draws, is there."""
+    from rabbit_description.plugins import load
+    from rl_trainer.curve import CURVE
+
+    if (folder / CURVE).is_file():
+        with suppress(LookupError), complaints(OSError):
+            print(f"drawn {load('rabbit.pictures', 'curve')(folder)}")
 
 
 def follow(trainer: Any, reports: Any) -> None:
@@ -78,5 +91,5 @@ def follow(trainer: Any, reports: Any) -> None:
             reward = " ".join(f"{name} {value:.3g}" for name, value in report.reward.items())
             losses = " ".join(f"{name} {value:.3g}" for name, value in report.losses.items())
             text = f"steps {report.steps}, ticks {report.ticks}, reward {reward}, losses {losses or '-'}"
-            progress.update(task, advance=1, description=text)
+            progress.update(task, advance=1, description=f"steps {report.steps}, ticks {report.ticks}")
             progress.console.print(f"episode {report.episode + 1:3d}  {text}", highlight=False, soft_wrap=True)
