@@ -15,22 +15,6 @@ class FileError(ValueError):
     """A file that cannot be read, in one line without its name."""
 
 
-def is_file(path: Path) -> bool:
-    """Whether there is such a file; not under a name that is too long, of which `Path` raises."""
-    try:
-        return path.is_file()
-    except OSError:
-        return False
-
-
-def exists(path: Path) -> bool:
-    """Whether there is something; not under a name that is too long."""
-    try:
-        return path.exists()
-    except OSError:
-        return False
-
-
 def read_bytes(path: Path, most: int) -> bytes:
     """Read a regular file of at most `most` bytes. It never blocks: a pipe or a device is refused.
 
@@ -56,6 +40,13 @@ def is_file(path: Path) -> bool:
     """Whether it is a regular file; False too where no file can have this name, as one of 300 characters."""
     with suppress(OSError):
         return path.is_file()
+    return False
+
+
+def exists(path: Path) -> bool:
+    """Whether there is something; False too where nothing can have this name."""
+    with suppress(OSError):
+        return path.exists()
     return False
 
 

@@ -12,8 +12,7 @@ from multiprocessing.queues import Queue
 from typing import Any, Protocol
 
 from pydantic import BaseModel
-from rabbit_common.guard import guarded
-from rabbit_description.validation import one_line
+from rabbit_common.guard import guarded, reason_of
 
 from rabbit_viewer.page import Explain
 from rabbit_viewer.page.rows import packed
@@ -182,7 +181,7 @@ def play(make: Callable[[Any, Send], Playing], send: Send, start: Any, wishes: "
     try:
         player = make(start, send)
     except Exception as error:  # a file that is named may raise anything
-        send("fail", str(error) if isinstance(error, PlayError) else f"{type(error).__name__}: {one_line(error)}")
+        send("fail", str(error) if isinstance(error, PlayError) else reason_of(error))
         return
     take = guarded(player.take, lambda reason, _: player.say("note", {"text": reason}))
     now = due = shown = time.monotonic()
