@@ -1,18 +1,24 @@
 """A gait of a walker, near the path in its file: prints what goes there. It takes a minute or a few.
 
+    make studies
     python examples/walker_gait.py examples/three_link_walker.yaml --step-length 0.5 --speed 1
 
 The first two control points of the path follow from its end through the impact; the rest is optimised.
 """
 
+import sys
 from pathlib import Path
 
 import numpy as np
 import typer
 from own_systems.walker import read_walker
-from rabbit_gait_design.hybrid_zero_dynamics import Walker
-from rabbit_gait_design.pinocchio_model import PinocchioModel
-from rabbit_gait_design.planar_design import PlanarSpecification, design
+
+try:
+    from rabbit_gait_design.hybrid_zero_dynamics import Walker
+    from rabbit_gait_design.pinocchio_model import PinocchioModel
+    from rabbit_gait_design.planar_design import PlanarSpecification, design
+except ModuleNotFoundError as error:
+    sys.exit(f"{error.name} is not installed: call make studies, or pip install ./studies")
 
 DIGITS = 4  # after the point
 
@@ -33,7 +39,8 @@ def main(
         step_length, speed, clear_from, clearance, torque_limit=torque_limit, max_eigenvalue=max_eigenvalue
     )
     gait = design(walker, wanted, own.path, tell)
-    print("path:", *(f"- {row}" for row in gait.path.coeffs.round(DIGITS).tolist()), sep="\n")
+    rows = zip(own.outputs, gait.path.coeffs.round(DIGITS).tolist(), strict=True)
+    print("path:", *(f"  {name}: {row}" for name, row in rows), sep="\n")
     begin, end, rate = gait.path.phase_angle_start, gait.path.phase_angle_end, gait.rates[0]
     print(f"phase_range: [{begin:.{DIGITS}f}, {end:.{DIGITS}f}]", f"phase_rate: {rate:.{DIGITS}f}", sep="\n")
     torque = np.abs(gait.series("torque")).max()

@@ -11,10 +11,11 @@ from importlib.resources import files
 from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from rabbit_description.validation import one_of
 from rabbit_description.yaml_file import parse_yaml
 
-from rabbit_benchmark.families import Split, families, family_plant, further_changes, settable
+from rabbit_benchmark.families import Split, families, family_plant, further_changes, in_order, settable
 
 Terrain = Literal["stones", "flat"]
 Map = Literal["inside", "outside", "storm", "development", "reported", "unseen", "storm-2"]
@@ -63,9 +64,9 @@ class Storm(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     share: Annotated[float, Field(gt=0, le=1)]
-    ranges: dict[str, tuple[float, float]]
-    choices: dict[str, str]
-    on_stones: dict[str, tuple[float, float]]
+    ranges: Annotated[dict[str, tuple[float, float]], BeforeValidator(in_order)]
+    choices: Annotated[dict[str, str], BeforeValidator(in_order)]
+    on_stones: Annotated[dict[str, tuple[float, float]], BeforeValidator(in_order)]
 
     def on(self, terrain: Terrain) -> dict[str, tuple[float, float]]:
         """Ranges by parameter."""
@@ -156,6 +157,9 @@ def chosen(patterns: Sequence[str]) -> list[Cell]:
     for pattern in patterns or ("*",):
         matching = [name for name, cell in cells().items() if fnmatchcase(name, pattern) or pattern == cell.map]
         if not matching:
-            raise CellError(f"{pattern}: expected cells, such as stones/scale-2 or 'flat/*' (--list has all)")
+            known = one_of(pattern, [*get_args(Map), *cells()])
+            raise CellError(
+                f"{pattern}: no such cells (--list has all): expected patterns, such as 'flat/*', or {known}"
+            )
         names.update(matching)
     return [cell for name, cell in cells().items() if name in names]

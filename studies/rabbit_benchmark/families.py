@@ -12,7 +12,7 @@ from importlib.resources import files
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 from rabbit_description.yaml_file import parse_yaml
 from rabbit_sim.parameters import marked
 from rabbit_sim.perturbation import WHOLE_SUBSTEPS
@@ -22,14 +22,31 @@ Value = float | int
 Range = tuple[Value, Value]  # of two whole numbers: whole numbers between them
 
 
+def in_order(listed: Any) -> Any:
+    """Of a list of [name, value, ...] a dictionary in its order, which that of a mapping's keys would not decide."""
+    if not isinstance(listed, list) or not all(isinstance(each, list) and each for each in listed):
+        raise ValueError("expected a list of [name, value, ...], in the order of drawing")
+    return {name: value if len(value) > 1 else value[0] for name, *value in listed}
+
+
+def by_name(listed: Any) -> Any:
+    """Of a list of mappings a dictionary in its order, by their `name`."""
+    if not isinstance(listed, list):
+        raise ValueError("expected a list of families, in the order of drawing")
+    return {each.get("name"): {key: value for key, value in each.items() if key != "name"} for each in listed}
+
+
+Ranges = Annotated[dict[str, Range], BeforeValidator(in_order)]
+
+
 class Family(BaseModel):
     """One of families.yaml: ranges on each terrain that has it."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     split: Split
-    stones: dict[str, Range] | None = None
-    flat: dict[str, Range] | None = None
+    stones: Ranges | None = None
+    flat: Ranges | None = None
 
     def on(self, terrain: str) -> dict[str, Range] | None:
         """Ranges by parameter."""
@@ -41,9 +58,9 @@ class Families(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    every: dict[str, Range]
+    every: Ranges
     share: Annotated[float, Field(gt=0, le=1)]
-    families: dict[str, Family]
+    families: Annotated[dict[str, Family], BeforeValidator(by_name)]
 
 
 @cache

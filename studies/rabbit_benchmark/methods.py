@@ -9,6 +9,7 @@ from itertools import product
 from typing import Any
 
 from rabbit_description import plugins
+from rabbit_description.validation import one_of
 from rabbit_reproduce.controllers import (
     AT_ITS_BEST,
     BEST,
@@ -147,7 +148,7 @@ def method(name: str) -> Method:
         if each.name == name:
             return each
     if name not in names():
-        raise MethodError(f"{name}: expected some of {', '.join(names())}")
+        raise MethodError(f"{name}: expected {one_of(name, names())}")
     try:
         found = plugins.load(GROUP, name)
     except LookupError as error:
@@ -167,7 +168,10 @@ def variants(text: str) -> list[Method]:
     for setting in settings:
         parameter, _, values = setting.partition("=")
         if parameter not in ControllerParameters.model_fields or not values:
-            raise MethodError(f"{text}: {setting}: expected PARAMETER=VALUE,... with a parameter of the controller")
+            known = one_of(parameter, ControllerParameters.model_fields)
+            raise MethodError(
+                f"{text}: {setting}: expected PARAMETER=VALUE,..., a parameter of the controller, {known}"
+            )
         choices.append([(parameter, _value(each)) for each in values.split(",")])
     return [_tuned(method(name), tuning) for tuning in product(*choices)]
 

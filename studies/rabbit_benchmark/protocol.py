@@ -1,7 +1,7 @@
 """The protocol: which seeds and courses every method gets, and the runs that follow from it."""
 
 import zlib
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -66,15 +66,15 @@ class CannotTake(ValueError):
 
 
 Plan = dict[tuple[Method, Cell], list[Walk] | str]
+Track = Callable[[Sequence[tuple[Method, Cell]]], Iterable[tuple[Method, Cell]]]
 
 
-def plan(protocol: Protocol, methods: Sequence[Method], cells: Sequence[Cell]) -> Plan:
-    """Runs by method and cell, or the reason why there are none."""
+def plan(protocol: Protocol, methods: Sequence[Method], cells: Sequence[Cell], track: Track = iter) -> Plan:
+    """Runs by method and cell, or the reason why there are none; `track` is given all pairs to show how far it is."""
     found: Plan = {}
-    for method in methods:
-        for cell in cells:
-            try:
-                found[method, cell] = protocol.walks(method, cell)
-            except CannotTake as reason:
-                found[method, cell] = str(reason)
+    for method, cell in track([(method, cell) for method in methods for cell in cells]):
+        try:
+            found[method, cell] = protocol.walks(method, cell)
+        except CannotTake as reason:
+            found[method, cell] = str(reason)
     return found

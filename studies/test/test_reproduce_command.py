@@ -87,7 +87,7 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, one_stone:
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (("nobody",), ("nobody: expected some of", "clf-results")),
+        (("nobody",), ("nobody: expected one of", "clf-results")),
         (("--jobs", 0), ("--jobs",)),
     ],
 )

@@ -14,8 +14,8 @@ from own_systems.training import train
 
 LENGTHS = {
     **dict.fromkeys(("segway", "cart_pole", "obstacle_arm"), 60),
-    "own_controller_node": 45,
-    "own_simulator_node": 45,
+    "own_controller_node": 50,
+    "own_simulator_node": 50,
 }
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

@@ -1,5 +1,6 @@
 """Tasks with impacts: a ball that bounces, by its closed form; walkers, by pinocchio and the rigid plant."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,10 +9,10 @@ import numpy as np
 import pytest
 from cbf_clf_qp import Clf, System
 from cbf_clf_qp.functions import NumpyFunction
-from own_systems import ControlTask, Impact, TaskError
+from own_systems import ControlTask, Impact, Limit, TaskError
 from own_systems.episode import Rider
 from own_systems.loading import load_task
-from own_systems.recording import differing, write_ride
+from own_systems.recording import differing, recorded_ride, write_ride
 from own_systems.training import train
 from own_systems.walker import read_walker
 from planar_robot import PlanarPlant, dynamics_of
@@ -197,12 +198,13 @@ def test_a_short_training_finds_most_of_the_error():
         ("urdf: three_link_walker.urdf", "urdf: nosuch.urdf", "No such file"),
         ("foot: left_foot", "foot: nosuch", "no link nosuch"),
         ("{hip: right_hip,", "{knee: right_hip,", "expected foot and joints by the same names"),
-        ("{pitch: 1}", "{roll: 1}", "roll: expected some of pitch, stance_hip, swing_hip"),
+        ("{pitch: 1}", "{roll: 1}", "roll: expected one of pitch, stance_hip, swing_hip"),
         ("hip: left_hip", "hip: left_knee", "expected also the joint left_hip"),
         ("phase_range: [-0.2527,", "phase_range: [0.2527,", "expected a sum that grows"),
-        ("- [0.0, 0.1408,", "- [0.1408,", "expected 2 rows"),
+        ("legs: [0.0, 0.1408,", "legs: [0.1408,", "expected rows of the same length"),
+        ("  legs: [0.0,", "  arms: [0.0,", "path of torso, arms: expected that of each output, torso, legs"),
         ("limit: 100", "limit: -1", "limit"),
-        ("plant: {mass: 2}", "plant: {weight: 2}", "weight: expected some of mass, payload, motors"),
+        ("plant: {mass: 2}", "plant: {weight: 2}", "weight: expected one of mass, payload, motors"),
         ("limit: 100", "limits: 100", "limits"),
     ],
 )
@@ -215,3 +217,50 @@ def test_a_wrong_file_is_one_line(tmp_path, old, new, text):
         load_task(str(tmp_path / "walker.yaml"))
     assert text in str(error.value)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "text"),
+    [
+        ('<mass value="5"/>', '<mass value="0"/>', "mass 0 of what the joint left_hip moves: expected a positive mass"),
+        ('<mass value="5"/>', '<mass value="-5"/>', "link left_leg: mass value = -5: expected 0 or more"),
+        ('<mass value="5"/>', '<mass value="nan"/>', "link left_leg: mass value = nan: expected 0 or more"),
+        ('<mass value="25"/>', '<mass value="heavy"/>', "link torso: mass value = heavy: expected 0 or more"),
+        ('<mass value="25"/>', "<mass/>", "link torso: mass value = None: expected 0 or more"),
+        ('iyy="1.5"', 'iyy="-1.5"', "link torso: inertia iyy = -1.5: expected 0 or more"),
+        ('xyz="0 0 -0.5"', 'xyz="0 0 nan"', "origin xyz = 0 0 nan: expected 3 finite numbers"),
+        ('<joint name="left_hip"', "<joint", "URDF"),
+        ('<child link="left_leg"/>', "<child/>", "URDF"),
+    ],
+)
+def test_a_wrong_urdf_is_one_line(tmp_path, old, new, text):
+    source = (EXAMPLES / "three_link_walker.urdf").read_text()
+    assert old in source
+    (tmp_path / "three_link_walker.urdf").write_text(source.replace(old, new))
+    (tmp_path / "walker.yaml").write_text((EXAMPLES / "three_link_walker.yaml").read_text())
+    with pytest.raises(TaskError) as error:
+        load_task(str(tmp_path / "walker.yaml"))
+    assert text in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_a_failure_names_its_limit(tmp_path):
+    """Each limit in turn is set to where the three-link walker passes it first."""
+    walker = read_walker(EXAMPLES / "three_link_walker.yaml")
+    ride = Rider(replace(walker.task, impacts=10)).ride("nominal", 5)
+    assert ride.outcome == "failed"
+    name, value = ride.reason.split(":")[0].split(" = ")
+    assert name in walker.task.limits
+    limit = walker.task.limits[name]
+    assert not limit.least <= float(value) <= limit.most
+    high = replace(walker.task, failed={"hip": Limit(walker.task.limits["hip"].value, least=2.0, unit="m")})
+    ended = Rider(high).ride("oracle", 5)
+    assert (ended.outcome, len(ended.moments)) == ("failed", 1)
+    assert re.fullmatch(r"hip = 0\.9\d+: expected at least 2 m", ended.reason)
+    write_ride(ended, tmp_path / "bag", None)
+    assert recorded_ride(high, tmp_path / "bag").reason == ended.reason
+
+
+def test_an_episode_without_its_impacts_says_how_many_it_had():
+    late = Rider(ball(impacts=3, duration=1.5)).ride("nominal", 1)
+    assert late.reason == "impacts = 2: expected 3 in 1.5 s"

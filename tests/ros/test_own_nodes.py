@@ -149,3 +149,24 @@ def test_a_controller_that_is_not_there_is_one_line(tmp_path: Path, controller: 
 def test_a_turn_too_large_for_its_squares_is_not_known() -> None:
     assert math.isnan(yaw_of(Quaternion(y=1e200, z=1e200, w=1e200, x=-1e200)))
     assert yaw_of(Quaternion(z=math.sin(0.3), w=math.cos(0.3))) == pytest.approx(0.6)
+
+
+SPINS = """
+import rclpy, runpy, sys
+spin = rclpy.spin
+rclpy.spin = lambda node: print("spins", flush=True) or spin(node)
+runpy.run_path(sys.argv[1])
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("name", ["own_controller_node", "own_simulator_node"])
+def test_a_signal_ends_an_example_without_a_traceback(name: str, number: signal.Signals) -> None:
+    """As `timeout` and Ctrl-C do."""
+    words = [sys.executable, "-c", SPINS, str(EXAMPLES / f"{name}.py")]
+    process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stdout
+    assert process.stdout.readline() == "spins\n"
+    process.send_signal(number)
+    said = process.communicate(timeout=60)[1]
+    assert (process.returncode, said) == (0, "")

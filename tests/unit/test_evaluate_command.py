@@ -135,7 +135,7 @@ def test_another_policy_is_another_evaluation(tmp_path: Path) -> None:
         (("--controller", "pid"), ("--controller pid", "'cbf-clf-qp'")),
         (("--terrain", "flat"), ("--terrain flat", "stones")),
         (("--policy", "nobody"), ("--policy nobody", "zero, oracle")),
-        (("--gait", "nobody"), ("gait", "nobody", "shipped gaits are")),
+        (("--gait", "nobody"), ("gait", "nobody", "expected one of authors_035")),
         (("--course", "nowhere.csv"), ("nowhere.csv", "cannot be read")),
         (("--parameters", "nowhere.yaml"), ("nowhere.yaml",)),
         (("--torque-delay", 0.0005), ("torque_delay", "multiple of 0.001")),

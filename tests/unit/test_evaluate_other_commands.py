@@ -19,7 +19,7 @@ def rabbit(*words: object) -> Result:
 
 def test_a_name_that_is_none_is_told_once(tmp_path: Path) -> None:
     done = rabbit("train", "--out", tmp_path, "--problem", "nosuch")
-    assert done.stderr == "rabbit: --problem nosuch: expected 'rl-cbf-clf-qp' or 'rl-clf-qp' or 'io-rl-clf-qp'\n"
+    assert done.stderr == "rabbit: --problem nosuch: expected one of rl-cbf-clf-qp, rl-clf-qp, io-rl-clf-qp\n"
 
 
 def test_training_leaves_a_sound_policy_and_goes_on(tmp_path: Path) -> None:

@@ -146,7 +146,7 @@ def test_what_is_learned_next_to_the_walk_walks_at_once(started: Callable[..., P
         (("--second", "recording"), "rabbit: on the same course recording: expected --recording RUN"),
         (("--policy", "nowhere"), "rabbit: --policy nowhere: expected one of zero, oracle"),
         (("--recording", "/nowhere"), "rabbit: "),
-        (("--gait", "nowhere"), "rabbit: gait: no file nowhere; "),
+        (("--gait", "nowhere"), "rabbit: gait nowhere: no such file, expected one of "),
         (("--export", "/nowhere/walk.html", *ALONE), "rabbit: --export /nowhere/walk.html: No such file"),
     ],
 )

@@ -1,6 +1,7 @@
 """Which policy file fits which controller: the problem, the adaptation, the gait; stones' policies on flat ground."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -101,3 +102,16 @@ def test_one_file_walks_on_both_terrains() -> None:
         simulation.close()
         assert simulation.outcome is Outcome.WALKED
         assert controller.policy.version == read(path).version
+
+
+def test_a_policy_for_stones_of_another_size_is_refused_on_flat_ground_too() -> None:
+    """Its header names the problem, but it has fewer quantities, or reads less."""
+    for smaller in (
+        replace(RL_CBF_CLF_QP, quantities=("V", "B1", "C1", "C2"), alpha_scale=(), beta_scale=(), error_scale=()),
+        replace(RL_CBF_CLF_QP, observation=("y1", "phase"), omissible=(), optional=()),
+    ):
+        for parameters in (FLAT, STONES):
+            with pytest.raises(
+                PolicyFileError, match=r"trained for rl-cbf-clf-qp.*, \d quantities of \d+ observations"
+            ):
+                fitted(make_file(smaller), parameters, GAIT)

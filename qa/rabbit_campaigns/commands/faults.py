@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rabbit_common.options import complaints, fail
+from rabbit_common.options import complaints, fail, tell_if_bare
 from rabbit_common.own_folder import own_folder
 
 FAILED, INTERRUPTED = 1, 130
@@ -16,6 +16,7 @@ app = typer.Typer(add_completion=False)
 
 @app.command()
 def faults(
+    context: typer.Context,
     runs: Annotated[int, typer.Option(min=1, max=1_000_000, help="number of faults")] = 300,
     seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="seed of faults and their ticks")] = 1,
     out: Annotated[Path, typer.Option(help="folder of the results; a campaign that was stopped there goes on")] = Path(
@@ -23,6 +24,11 @@ def faults(
     ),
 ) -> None:
     """Inject faults into a walk with all nodes and the recorder. Exit code 1 if one left something wrong."""
+    tell_if_bare(
+        context,
+        f"{runs} faults, half a minute each; a campaign that is stopped goes on. To begin:",
+        "rabbit faults --runs 300",
+    )
     from rabbit_common.executables import LaunchError
     from rich.console import Console
 

@@ -10,7 +10,7 @@ import typer
 from pydantic import BaseModel, ConfigDict, Field
 from rabbit_bringup.commands.walk import DEFAULTS, assembly_of_nodes
 from rabbit_common.exit_codes import Interrupted
-from rabbit_common.options import Given, complaints, fail, options
+from rabbit_common.options import Given, complaints, fail, options, tell_if_bare
 from rabbit_common.own_folder import new_folder
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
@@ -42,9 +42,10 @@ class JitterOptions(BaseModel):
 
 @app.command()
 @options(JitterOptions, ControllerParameters, SimulationParameters, defaults=DEFAULTS)
-def jitter(given: Given) -> None:
+def jitter(given: Given, context: typer.Context) -> None:
     """Walk in real time: late ticks, missed deadlines, age of the torque. Exit code 1 if this machine is not fit."""
     told = given.build(JitterOptions)
+    tell_if_bare(context, f"A walk of {told.minutes:g} minutes in real time. To begin:", "rabbit jitter --minutes 10")
     assembly = assembly_of_nodes(given, told.policy, told.parameters)
     folder = new_folder(told.out or Path("runs") / f"{datetime.now():%Y%m%d-%H%M%S}-jitter")
     from rabbit_common.executables import LaunchError

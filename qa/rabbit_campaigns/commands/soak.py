@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from rabbit_bringup.commands.walk import assembly_of_nodes, given_training, make_folder
 from rabbit_bringup.launching.walk import MOST_EPISODES, WalkOptions, WalkSettings
 from rabbit_common.exit_codes import Interrupted
-from rabbit_common.options import Defaults, Given, complaints, fail, options
+from rabbit_common.options import Defaults, Given, complaints, fail, options, tell_if_bare
 from rabbit_experiments.conditions import EVALUATION_LAG
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
@@ -53,9 +53,12 @@ class SoakOptions(BaseModel):
 
 @app.command()
 @options(SoakOptions, ControllerParameters, SimulationParameters, defaults=DEFAULTS)
-def soak(given: Given) -> None:
+def soak(given: Given, context: typer.Context) -> None:
     """Walk for an hour with learning, swapping, recording and an operator on; exit code 1 if a bar is not kept."""
     asked = given.build(SoakOptions)
+    tell_if_bare(
+        context, f"A walk of {asked.minutes:g} minutes by the wall clock. To begin:", "rabbit soak --minutes 60"
+    )
     assembly = assembly_of_nodes(given, "zero", asked.parameters)
     if not assembly.controller.learns:
         fail(f"--controller {assembly.controller.controller}: expected one that learns; its policies are swapped")

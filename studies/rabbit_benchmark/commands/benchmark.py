@@ -1,22 +1,25 @@
 """Methods by plants under one protocol."""
 
 import os
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
 from rabbit_common.exit_codes import of_interrupt
-from rabbit_common.options import complaints, fail
+from rabbit_common.options import complaints, fail, is_bare, tell_if_bare
 from rabbit_common.own_folder import own_folder
+from rabbit_description.validation import one_of
 
 app = typer.Typer(add_completion=False)
 
 
 @app.command()
 def benchmark(
+    context: typer.Context,
     methods: Annotated[
         list[str] | None,
-        typer.Argument(help="methods by name, with values to try: nominal-pd:eps=0.02,0.03 (default: all)"),
+        typer.Argument(help="methods by name, with values to try: nominal-pd:eps=0.02,0.03; or all, the default"),
     ] = None,
     cells: Annotated[
         str, typer.Option(help="cells by name, pattern or map: stones/scale-2,flat/*,inside (default: all)")
@@ -40,9 +43,10 @@ def benchmark(
     jobs: Annotated[int | None, typer.Option(min=1, max=4096, help="processes (default: all cores)")] = None,
     show: Annotated[bool, typer.Option("--list", help="list methods and cells, and do nothing more")] = False,
 ) -> None:
-    """Walk every method on every plant: DIR/benchmark.md has the map, intervals and a paired comparison."""
+    """Walk methods on plants: DIR/benchmark.md has the map, intervals and a paired comparison. Without any option: what
+    there is, and how long it takes."""
     from rabbit_experiments.cache import Cache, JobError
-    from rabbit_experiments.engine import run
+    from rabbit_experiments.engine import about_so_long, progress_bar, run
 
     from rabbit_benchmark.cells import CellError, chosen
     from rabbit_benchmark.methods import REFERENCE, MethodError, names, variants
@@ -50,20 +54,31 @@ def benchmark(
     from rabbit_benchmark.report import Benchmark
 
     with complaints(CellError, MethodError):
+        methods = None if methods == ["all"] else methods
         entered = [each for name in dict.fromkeys(methods or names()) for each in variants(name)]
         wanted = chosen([name for name in cells.split(",") if name])
     if batch > 1 and plant != "mujoco":
         fail(f"--batch {batch} with --plant {plant}: expected --plant mujoco")
-    if show:
+    processes = jobs or os.cpu_count() or 1
+    if show or is_bare(context):
         for each in entered:
             print(f"{each.name:16s} {each.title}")
         for cell in wanted:
             print(f"{cell.name} ({cell.map})")
+        of = [cell.courses(courses) for each in entered for cell in wanted if each.on(cell.terrain, cell.map)]
+        size = f"{len(entered)} methods on {len(wanted)} cells: {sum(of):,} courses"
+        tell_if_bare(
+            context,
+            f"{size}, {about_so_long(sum(of), processes)}; one that is stopped goes on. To begin:",
+            "rabbit benchmark all",
+            "rabbit benchmark best nominal-tuned --cells inside",
+        )
         return
     if against not in (REFERENCE, *(each.name for each in entered)):
-        fail(f"--against {against}: expected one of the methods that walk")
+        fail(f"--against {against}: expected {one_of(against, [REFERENCE, *(each.name for each in entered)])}")
     protocol = Protocol(courses, seeds, sensors=sensors, plant=plant)
-    runs = plan(protocol, entered, wanted)
+    with progress_bar() as bar:
+        runs = plan(protocol, entered, wanted, partial(bar.track, description="plans"))
     for each in entered if methods else ():
         if all(isinstance(reason := runs[each, cell], str) for cell in wanted):
             fail(f"{each.name}: {reason}")
@@ -71,7 +86,7 @@ def benchmark(
     try:
         with complaints(JobError):
             walks = [job for each in runs.values() if not isinstance(each, str) for job in each]
-            done = run(walks, cache, jobs or os.cpu_count() or 1, batch=batch)
+            done = run(walks, cache, processes, batch=batch)
     except KeyboardInterrupt as stop:
         fail("stopped; the same command goes on from the runs that are done", code=of_interrupt(stop))
     page = Benchmark.from_cache(protocol, entered, wanted, runs, cache, against).write(out)

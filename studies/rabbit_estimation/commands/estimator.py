@@ -21,7 +21,7 @@ app = typer.Typer(add_completion=False)
 class EstimatorOptions(WalkOptions):
     """Options of `rabbit estimator` besides those of plant and controller."""
 
-    out: Path = Field(description="folder for errors.json and errors.png")
+    out: Path = Field(Path("runs/estimator"), description="folder for errors.json and errors.png")
 
 
 @app.command()

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 from rabbit_common.exit_codes import of_interrupt
-from rabbit_common.options import complaints, fail
+from rabbit_common.options import complaints, fail, tell_if_bare
 from rabbit_common.own_folder import own_folder
 
 app = typer.Typer(add_completion=False)
@@ -15,6 +15,7 @@ FIT_SEED, JUDGE_SEED = 62001, 62003  # of plants and courses; the benchmark has 
 
 @app.command()
 def speed(
+    context: typer.Context,
     parameters: Annotated[
         str, typer.Option(help="file of controller parameters: best or a YAML file with its gaits")
     ] = "best",
@@ -28,19 +29,26 @@ def speed(
 
     from rabbit_experiments.assembly import AssemblyError
     from rabbit_experiments.cache import Cache, JobError
-    from rabbit_experiments.engine import run
+    from rabbit_experiments.engine import about_so_long, run
     from rl_cbf_clf_controller.parameters import ParameterError, load_parameters
     from rl_cbf_clf_controller.speed_regulation import PER_SLOPE, RETAINED
 
     from rabbit_gait_design.speed_model.fit import NAMES, SpeedModelError, errors, fitted
     from rabbit_gait_design.speed_model.walks import exploring_walks, gathered
 
+    processes = jobs or os.cpu_count() or 1
+    tell_if_bare(
+        context,
+        f"Walks 4 times on each of {plants + others} plants, 40 steps a walk: "
+        f"{about_so_long(8 * (plants + others), processes)}; one that is stopped goes on. To begin:",
+        f"rabbit speed --plants {plants} --others {others}",
+    )
     with complaints(AssemblyError, JobError, ParameterError, SpeedModelError):
         tuning = load_parameters(parameters)
         cache = Cache(own_folder(out, "speed") / "cache")
         fit, judge = exploring_walks(plants, FIT_SEED, tuning), exploring_walks(others, JUDGE_SEED, tuning)
         try:
-            run(list(chain(*fit, *judge)), cache, jobs or os.cpu_count() or 1)
+            run(list(chain(*fit, *judge)), cache, processes)
         except KeyboardInterrupt as stop:
             fail("stopped; the same command goes on from the walks that are done", code=of_interrupt(stop))
         model = fitted(gathered(fit, cache))

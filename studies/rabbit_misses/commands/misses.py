@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 from rabbit_common.exit_codes import of_interrupt
-from rabbit_common.options import complaints, fail
+from rabbit_common.options import complaints, fail, tell_if_bare
 from rabbit_common.own_folder import own_folder
 
 app = typer.Typer(add_completion=False)
@@ -14,6 +14,7 @@ app = typer.Typer(add_completion=False)
 
 @app.command()
 def misses(
+    context: typer.Context,
     parameters: Annotated[
         str, typer.Option(help="file of controller parameters: ours, best, authors or a YAML file")
     ] = "best",
@@ -25,13 +26,20 @@ def misses(
 ) -> None:
     """Fit the probability of a miss to walks in the storm, judge it in others: DIR/model.json, DIR/misses.md."""
     from rabbit_experiments.cache import Cache, JobError
-    from rabbit_experiments.engine import run
+    from rabbit_experiments.engine import about_so_long, run
     from rl_cbf_clf_controller.parameters import ParameterError
 
     from rabbit_misses.model import MissModelError, MissProbability
     from rabbit_misses.report import write
     from rabbit_misses.study import FIT_SEED, JUDGE_SEED, gathered, judged, stormy_walks
 
+    processes = jobs or os.cpu_count() or 1
+    tell_if_bare(
+        context,
+        f"Fits to {fit_plants:,} walks and judges on {plants:,}: {about_so_long(fit_plants + plants, processes)};"
+        " one that is stopped goes on. To begin:",
+        f"rabbit misses --fit-plants {fit_plants} --plants {plants}",
+    )
     with complaints(MissModelError, ParameterError):
         loaded = None if model is None else MissProbability.load(model)
         fit = [] if loaded else stormy_walks(fit_plants, FIT_SEED, parameters)
@@ -39,7 +47,7 @@ def misses(
     cache = Cache(own_folder(out, "misses") / "cache")
     try:
         with complaints(JobError):
-            run([*fit, *judge], cache, jobs or os.cpu_count() or 1)
+            run([*fit, *judge], cache, processes)
     except KeyboardInterrupt as stop:
         fail("stopped; the same command goes on from the walks that are done", code=of_interrupt(stop))
     with complaints(MissModelError, OSError):

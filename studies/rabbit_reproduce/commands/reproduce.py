@@ -7,8 +7,9 @@ from typing import Annotated, Literal
 
 import typer
 from rabbit_common.exit_codes import of_interrupt
-from rabbit_common.options import complaints, fail
+from rabbit_common.options import complaints, fail, is_bare, tell_if_bare
 from rabbit_common.own_folder import own_folder
+from rabbit_description.validation import one_of
 
 PlantName = Literal["pybullet", "mujoco", "rigid"]
 
@@ -17,8 +18,9 @@ app = typer.Typer(add_completion=False)
 
 @app.command()
 def reproduce(
+    context: typer.Context,
     names: Annotated[
-        list[str] | None, typer.Argument(help="experiments by name (default: all that need no --retrain)")
+        list[str] | None, typer.Argument(help="experiments by name; or all, the default: all that need no --retrain")
     ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="make few runs of everything")] = False,
     retrain: Annotated[bool, typer.Option("--retrain", help="train the policies first, into DIR/training")] = False,
@@ -30,8 +32,10 @@ def reproduce(
     ] = None,
     show: Annotated[bool, typer.Option("--list", help="list the experiments, and do nothing more")] = False,
 ) -> None:
-    """Make the paper's figures and tables anew: DIR/results.md has its figures beside ours, with verdicts."""
+    """Make the paper's figures and tables anew: DIR/results.md has its figures beside ours, with verdicts. Without any
+    option: what there is, and how long it takes."""
     from rabbit_experiments.cache import JobError
+    from rabbit_experiments.engine import about_so_long
 
     from rabbit_reproduce.catalogue import EXPERIMENTS
     from rabbit_reproduce.experiment import FIGURES
@@ -40,23 +44,33 @@ def reproduce(
     from rabbit_reproduce.training import retrain as retrained
 
     known = {each.name: each for each in EXPERIMENTS}
+    names, processes = None if names == ["all"] else names, jobs or os.cpu_count() or 1
     if figure:
         shown = [name for name, each in known.items() if each.label == FIGURES[figure - 1]]
         names = [
             *(names or ()),
             *(shown or fail(f"--figure {figure}: expected 2 to 5, Fig. 1 is a drawing of the method")),
         ]
-    if show:
+    if show or is_bare(context):
         for name, each in known.items():
             print(f"{name:24s} {each.title} ({each.place}){'; needs --retrain' * each.needs_training}")
+        if is_bare(context):
+            runs = sum(len(each.jobs(FULL)) for each in known.values() if not each.needs_training)
+            tell_if_bare(
+                context,
+                f"All that need no --retrain: up to {runs:,} runs, {about_so_long(runs, processes)}; --quick makes few."
+                " One that is stopped goes on. To begin:",
+                "rabbit reproduce all",
+                "rabbit reproduce clf-results --quick",
+            )
         return
     if wrong := [name for name in names or () if name not in known]:
-        fail(f"{wrong[0]}: expected some of {', '.join(known)}")
+        fail(f"{wrong[0]}: expected {one_of(wrong[0], known)}")
     if wrong := [name for name in names or () if known[name].needs_training and not retrain]:
         fail(f"{wrong[0]}: expected --retrain, it needs the policies of all episodes of a training")
     own_folder(out, "reproduce")
     chosen = [each for name, each in known.items() if name in (names or known) and (retrain or not each.needs_training)]
-    size, processes = replace(QUICK if quick else FULL, plant=plant), jobs or os.cpu_count() or 1
+    size = replace(QUICK if quick else FULL, plant=plant)
     try:
         with complaints(JobError):
             if retrain:

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 import typer
 from rabbit_common.exit_codes import of_interrupt
-from rabbit_common.options import complaints, fail
+from rabbit_common.options import complaints, fail, tell_if_bare
 from rabbit_common.own_folder import own_folder
 
 app = typer.Typer(add_completion=False)
@@ -13,7 +13,10 @@ app = typer.Typer(add_completion=False)
 
 @app.command()
 def residual(
-    out: Annotated[Path, typer.Option(help="folder of the session; one that was stopped there goes on")],
+    context: typer.Context,
+    out: Annotated[Path, typer.Option(help="folder of the session; one that was stopped there goes on")] = Path(
+        "runs/residual"
+    ),
     learner: Annotated[Literal["ppo", "sac"], typer.Option(help="how it learns")] = "ppo",
     ticks: Annotated[int, typer.Option(min=1, max=10**11, help="ticks of all robots together")] = 6_000_000,
     seed: Annotated[int, typer.Option(min=0, max=2**31, help="seed of the training")] = 1,
@@ -24,6 +27,11 @@ def residual(
     from rabbit_residual.session import SessionError
     from rabbit_residual.training import options, train
 
+    tell_if_bare(
+        context,
+        f"{ticks:,} ticks, hours; a session that is stopped goes on. To begin:",
+        f"rabbit residual --ticks {ticks}",
+    )
     own_folder(out, "residual")
     try:
         with complaints(SessionError):

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 import typer
 from rabbit_common.exit_codes import of_interrupt
-from rabbit_common.options import complaints, fail
+from rabbit_common.options import complaints, fail, tell_if_bare
 from rabbit_common.own_folder import new_file, own_folder
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, help=__doc__)
@@ -16,7 +16,10 @@ Seed = Annotated[int, typer.Option(min=0, max=2**31, help="seed of the training"
 
 @app.command()
 def end_to_end(
-    out: Annotated[Path, typer.Option(help="folder of the session; one that was stopped there goes on")],
+    context: typer.Context,
+    out: Annotated[Path, typer.Option(help="folder of the session; one that was stopped there goes on")] = Path(
+        "runs/end-to-end"
+    ),
     learner: Annotated[Literal["ppo", "sac", "dagger"], typer.Option(help="how it learns")] = "ppo",
     ticks: Annotated[int, typer.Option(min=1, max=10**11, help="ticks of all robots together")] = 20_000_000,
     seed: Seed = 1,
@@ -27,6 +30,11 @@ def end_to_end(
 
     from rabbit_rivals.end_to_end import options, train
 
+    tell_if_bare(
+        context,
+        f"{ticks:,} ticks, hours; a session that is stopped goes on. To begin:",
+        f"rabbit rival end-to-end --ticks {ticks}",
+    )
     own_folder(out, "rival end-to-end")
     try:
         with complaints(SessionError):
@@ -44,11 +52,12 @@ def task(
 ) -> None:
     """Train a system of your own end to end by PPO; then rabbit system evaluate TASK --controller ppo:FILE."""
     from own_systems.loading import load_task
+    from own_systems.task import TaskError
 
     from rabbit_rivals import task_policy
 
     new_file(out)
-    with complaints(Exception):  # a task's file is code, and may raise anything
+    with complaints(TaskError):
         loaded = load_task(task)
     with complaints(ValueError, OSError):
         task_policy.train(loaded, ticks, seed).write(out)

@@ -6,8 +6,9 @@ An exponential control barrier function of any relative degree r [CBF_const]:
 
 The poles p_i are positive. The condition promises B >= 0 only from a state where B_0 = B and
 B_i = B_(i-1)' + p_i B_(i-1) are not negative for i < r. Those are the `initial` values. The error of B^(r) is measured
-by one difference of B^(r-1). For r > 2 that would not do (Remark 3): B^(r-1) then has the drift of the model in it. The
-rows hold all the same under the nominal model.
+by one difference of B^(r-1). For r > 2 that would not do (Remark 3): B'', ..., B^(r-1) then have the drift of the model
+in them. So the quantity is there the whole left side of the condition, and its error that of all derivatives: the row
+holds under the nominal model, and under another one that is known.
 
 A rapidly exponentially stabilising control Lyapunov function (RES-CLF) of outputs y [CLF_cond], [eq:clf-lie]:
 
@@ -51,13 +52,15 @@ class Barrier:
             raise ValueError(f"{self.name}: poles = {list(self.poles)}; expected positive rates in 1/s")
 
     def on(self, system: System) -> Quantity:
-        """B^(r) as a quantity; raises DegreeError."""
+        """B^(r) as a quantity, for r > 2 with K_b (B, ..., B^(r-1)); raises DegreeError."""
         degree = len(self.poles)
         chain = system.derivatives(self.name, self.B, degree)
         factors = [ca.vertcat(*ecbf_gains(self.poles[:i]), 1) for i in range(degree)]
         initial = [ca.dot(factor, ca.vertcat(*chain[: i + 1])) for i, factor in enumerate(factors)]
         state = ca.vertcat(*chain[:degree])
-        bound = -ca.dot(ca.vertcat(*ecbf_gains(self.poles)), state)
+        value, bound = system.affine(chain[-1], self.name), -ca.dot(ca.vertcat(*ecbf_gains(self.poles)), state)
+        if degree > 2:
+            value, bound = Affine(value.a, value.b - bound), ca.SX(0)
 
         def rows(value: Affine) -> list[Rows]:
             row = at_least((self.name,), value.a, bound - value.b, self.rescue_weight)
@@ -65,7 +68,7 @@ class Barrier:
 
         return Quantity(
             (self.name,),
-            system.affine(chain[-1], self.name),
+            value,
             rows,
             lower=chain[degree - 1] if degree <= 2 else None,
             slope=Affine.identity(1),
@@ -133,16 +136,18 @@ class Clf:
     in_mu: bool = True
 
     def on(self, system: System) -> Quantity:
-        """V-dot as a quantity; raises DegreeError."""
+        """V-dot as a quantity, for r > 2 with (rate / eps) V; raises DegreeError."""
         degree, m = len(self.gains), self.y.numel()
         chain = system.derivatives("the outputs of the CLF", self.y, degree)
         eta, y_r = ca.vertcat(*chain[:-1]), system.affine(chain[-1])
         clf = ResClf(m, self.eps, self.gains)
         V, V_dot = clf.value(eta), clf.derivative(eta)
-        bound = -clf.rate * V
+        whole, bound = V_dot.after(y_r), -clf.rate * V
+        if degree > 2:
+            whole, bound = Affine(whole.a, whole.b - bound), ca.SX(0)
         return Quantity(
             ("V",),
-            V_dot.after(y_r),
+            whole,
             lambda value: [at_most(("CLF",), value.a, bound - value.b, self.slack_weight, self.rescue, self.in_mu)],
             lower=eta[-m:] if degree <= 2 else None,
             slope=V_dot,

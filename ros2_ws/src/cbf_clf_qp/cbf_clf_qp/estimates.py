@@ -97,20 +97,22 @@ def measured(terms: Terms, start: Pair, end: Pair, seconds: Number) -> ca.SX:
 def model_error(terms: Terms) -> NumpyFunction:
     """`alpha` (n, m), `beta` (n,), `output_error` (m, m + 1) of (x, p, other): the parameters of another model.
 
-    The other model says how the state moves. What a barrier or an output is of a state does not change with it. The
-    error is zero where the two models are the same.
+    The other model says how the state moves. What a barrier or an output is of a state does not change with it, nor do
+    its lower derivatives, but for relative degrees of 3 or more. The error is zero where the two models are the same.
     """
     system, other = terms.system, ca.SX.sym("other", terms.system.p.numel())
     (x_dot,) = ca.substitute([system.x_dot], [system.p], [other])
     moved = System(system.x, system.u, x_dot, {**system.named, "other": other}, system.rates)
     values, y_r = list[Affine](), terms.outputs
     for quantity in terms.quantities:
+        is_output = quantity.outputs is not None and quantity.outputs is terms.outputs
         if quantity.lower is None or quantity.slope is None:
-            values.append(Affine(*ca.substitute([quantity.value.a, quantity.value.b], [system.p], [other])))
+            values.append(_by(quantity.value, system.p, other))
+            y_r = _by(quantity.outputs, system.p, other) if quantity.outputs and is_output else y_r
         else:
             rate = moved.affine(moved.derivative(quantity.lower))
             values.append(quantity.slope.after(rate))
-            y_r = rate if quantity.outputs is not None and quantity.outputs is terms.outputs else y_r
+            y_r = rate if is_output else y_r
     error = Affine.stacked(values).after(terms.control) - terms.nominal
     delta = Affine(ca.SX.zeros(terms.inputs, terms.inputs), ca.SX.zeros(terms.inputs))
     if y_r and terms.outputs:
@@ -118,3 +120,8 @@ def model_error(terms: Terms) -> NumpyFunction:
     found = {"alpha": error.a, "beta": error.b, "output_error": ca.horzcat(delta.a, delta.b)}
     inputs = {"x": system.x, "p": system.p, "other": other}
     return NumpyFunction.of("model_error", inputs, found, matrices=("alpha", "output_error"))
+
+
+def _by(value: Affine, p: ca.SX, other: ca.SX) -> Affine:
+    """The same expression with the `other` parameters."""
+    return Affine(*ca.substitute([value.a, value.b], [p], [other]))

@@ -98,3 +98,49 @@ def test_the_error_of_another_model_turns_one_into_the_other(make_plant: Any) ->
         delta = Affine(found.output_error[:, :-1], found.output_error[:, -1])
         expected = [plant.number(value, x, nominal[0], body=75.0) for value in of_other]
         assert [*(nominal[1] + error), *(mu + delta(mu))] == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+def ball_on_a_beam() -> tuple[System, ca.SX]:
+    """r'' = -rolling g sin(theta + tilt), theta'' = u; the ball's place r."""
+    names = ("r", "theta", "dr", "dtheta", "u", "rolling", "tilt")
+    r, theta, dr, dtheta, u, rolling, tilt = (ca.SX.sym(name) for name in names)
+    rate = ca.vertcat(dr, dtheta, -rolling * 9.81 * ca.sin(theta + tilt), u)
+    return System(ca.vertcat(r, theta, dr, dtheta), u, rate, [rolling, tilt]), r
+
+
+def test_a_row_of_degree_4_has_the_derivatives_along_the_motion_and_the_poles() -> None:
+    """Each derivative is the rate of the one before, by differences; the left side sums them with the gains."""
+    system, r = ball_on_a_beam()
+    poles = (3.0, 4.0, 5.0, 6.0)
+    quantity = Barrier("end", 0.4 - r, poles).on(system)
+    of = [system.x, system.u, system.p]
+    chain = system.derivatives("end", 0.4 - r, 4)
+    along = ca.Function("along", of, [ca.vertcat(*chain[:4], system.affine(chain[4])(system.u)), system.x_dot])
+    left = ca.Function("left", of, [quantity.value(system.u)])
+    rng, h, p = np.random.default_rng(0), 1e-6, np.array([5 / 7, 0.02])
+    for _ in range(5):
+        x, u = 0.3 * rng.normal(size=4), rng.normal(size=1)
+        values, x_dot = (value.full().ravel() for value in along(x, u, p))
+        ahead, behind = (along(x + t * x_dot, u, p)[0].full().ravel() for t in (h, -h))
+        assert (ahead - behind)[:4] / (2 * h) == pytest.approx(values[1:], abs=1e-6)
+        assert float(left(x, u, p)) == pytest.approx(np.poly(-np.array(poles))[::-1] @ values, rel=1e-12)
+
+
+def test_an_oracles_row_of_degree_4_is_that_of_the_true_model() -> None:
+    """All derivatives but the first two are the model's; so are those of an output of degree 4."""
+    system, r = ball_on_a_beam()
+    terms = Terms(system, [Clf(r - 0.5, gains=(1.0, 4.0, 6.0, 4.0)), Barrier("end", 0.4 - r, (3, 4, 5, 6))])
+    error, (model, true) = model_error(terms), (np.array([5 / 7, 0.0]), np.array([0.6, -0.05]))
+    y_4 = system.affine(system.derivatives("y", r, 4)[-1])(system.u)
+    wanted = ca.vertcat(*(quantity.value(system.u) for quantity in terms.quantities), y_4)
+    values = ca.Function("values", [system.x, system.u, system.p], [wanted])
+    mu = ca.SX.sym("mu")
+    said = ca.Function("said", [system.x, mu, system.p], [terms.nominal(mu), terms.control(mu)])
+    rng = np.random.default_rng(1)
+    for _ in range(5):
+        x, m = 0.3 * rng.normal(size=4), rng.normal(size=1)
+        found = error(x, model, true)
+        nominal, u = (value.full().ravel() for value in said(x, m, model))
+        expected = values(x, u, true).full().ravel()
+        assert nominal + found.alpha @ m + found.beta == pytest.approx(expected[:2], rel=1e-9, abs=1e-9)
+        assert m + found.output_error @ [*m, 1] == pytest.approx(expected[2:], rel=1e-9, abs=1e-9)

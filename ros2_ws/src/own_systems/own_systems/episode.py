@@ -13,6 +13,7 @@ from cbf_clf_qp.answer import Decided
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import Array
 from rabbit_description import plugins
+from rabbit_description.validation import one_of
 from rl_cbf_clf_controller.policy import ActorPolicy, LearnedPolicy
 from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.weights import PolicyFile, PolicyFileError, read
@@ -51,6 +52,7 @@ class Ride:
 
     `last`: state x (n,) and the model's parameters p (k,) after the last tick, which no controller sees; None: not
     known.
+    `reason`: of a failure, which limit was passed, by name and value.
     """
 
     task: ControlTask
@@ -60,6 +62,7 @@ class Ride:
     outcome: str = "done"
     impacts: int = 0
     last: tuple[Array, Array] | None = None
+    reason: str = ""
 
     @property
     def title(self) -> str:
@@ -128,7 +131,7 @@ class Rider:
                 raise TaskError(str(error)) from error
             return name
         if not name.endswith(".safetensors"):
-            raise TaskError(f"controller {name}: expected {', '.join(self.names)}, a policy's file, or KIND:FILE")
+            raise TaskError(f"controller {name}: expected {one_of(name, self.names)}, a policy's file, or KIND:FILE")
         try:
             file = read(Path(name))
         except PolicyFileError as error:
@@ -182,6 +185,7 @@ class Rider:
             if ride:
                 ride.outcome, ride.impacts = outcome, impacts
                 ride.last = x, task.parameters_at({}, commands(k * task.seconds))
+                ride.reason = task.why_failed(moved, true, impacts) if outcome == "failed" else ""
 
     def begin(self, controlling: Controlling) -> None:
         """The first tick of an episode comes next."""

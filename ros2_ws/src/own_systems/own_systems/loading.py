@@ -5,6 +5,8 @@ from pathlib import Path
 
 from rabbit_description import plugins
 from rabbit_description.bounded_file import is_file
+from rabbit_description.user_code import fault_in_user_code
+from rabbit_description.validation import one_line
 
 from own_systems.task import ControlTask, TaskError
 from own_systems.walker import read_walker
@@ -15,8 +17,21 @@ GROUP = "rabbit.systems"  # entry points that name a ControlTask
 def load_task(source: str) -> ControlTask:
     """The only ControlTask of a Python file, a walker (a .yaml file), or what a package brings under this name.
 
-    A Python file is code, and runs. Raises `TaskError`.
+    A Python file is code, and runs. Raises `TaskError`, also where the parts do not fit together, as a barrier and its
+    relative degree.
     """
+    try:
+        task = _loaded(source)
+        _ = task.tick
+        return task
+    except Exception as error:
+        where = fault_in_user_code(error)
+        if isinstance(error, TaskError) and not where:
+            raise
+        raise TaskError(where or f"{source}: {one_line(error)}") from error
+
+
+def _loaded(source: str) -> ControlTask:
     path = Path(source)
     if path.suffix not in (".py", ".yaml"):
         try:

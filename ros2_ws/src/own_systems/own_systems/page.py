@@ -114,7 +114,7 @@ def ended_of(ride: Ride) -> dict[str, Any]:
     how: dict[str, Any] = {"outcome": ride.outcome, "stones": ride.impacts}
     if not ride.moments:
         return how
-    sentences = [f"{ride.controller}: {ride.outcome}"]
+    sentences = [f"{ride.controller}: {ride.outcome}" + (f", {ride.reason}" if ride.reason else "")]
     values = ride.barriers
     for barrier, of in zip(ride.task.barriers, values.T, strict=True):
         least, tick = float(of.min()), int(of.argmin())

@@ -13,6 +13,7 @@ from typing import Any, Literal
 import casadi as ca
 import numpy as np
 from pydantic import Field, create_model
+from rabbit_description.user_code import fault_in_user_code
 from rabbit_viewer.page import Checked
 from rabbit_viewer.play import playing
 from rabbit_viewer.play.messages import Asked, Choose, Push
@@ -138,7 +139,7 @@ class PlayedRide:
                     return
                 self._ride.outcome = "no answer"
         except Exception as error:
-            self._ride.outcome = " ".join(f"{type(error).__name__}: {error}".split())
+            self._ride.outcome = fault_in_user_code(error) or " ".join(f"{type(error).__name__}: {error}".split())
         self.outcome = self._ride.outcome
 
     def explain(self, tick: int) -> list[str]:

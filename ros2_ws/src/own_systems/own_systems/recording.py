@@ -76,7 +76,8 @@ def write_ride(ride: Ride, path: Path, policy: ActorPolicy | None) -> None:
         add("parameters", len(ride.moments), **fields.parameter_fields(task, p))
         state = fields.state_fields(task, x, applied, ride.impacts)
         add("state", len(ride.moments), **{**state, "running": False})
-    add("episode", len(ride.moments), phase=ENDED, outcome=ride.outcome, touchdowns=ride.impacts, **episode)
+    ended = {"outcome": ride.outcome, "reason": ride.reason[:128], "touchdowns": ride.impacts}
+    add("episode", len(ride.moments), phase=ENDED, **ended, **episode)
     bag.close()
 
 
@@ -185,6 +186,7 @@ def recorded_ride(task: ControlTask, path: Path, number: int | None = None) -> R
     if len(heard) == 2:
         with one_line_errors(path, f"tick {after}"):
             ride.last = fields.state_of(task, heard["state"]), fields.parameters_of(task, heard["parameters"])
+    ride.reason = said.reason
     return ride
 
 

@@ -28,6 +28,7 @@ from cbf_clf_qp.functions import Array, NumpyFunction
 from cbf_clf_qp.quantity import Constrained, Terms
 from cbf_clf_qp.system import System
 from cbf_clf_qp.tick import Tick
+from rabbit_description.validation import one_of
 from scipy.optimize import brentq
 
 SUBSTEP = 0.001  # s, of the plant's integration, at most
@@ -75,6 +76,20 @@ class Impact:
     held: ca.SX | None = None
 
 
+class Limit(NamedTuple):
+    """An episode has failed where `value`, of x, p and u, is less than `least` or more than `most`, all in `unit`."""
+
+    value: ca.SX
+    least: float = -math.inf
+    most: float = math.inf
+    unit: str = ""
+
+    def said(self, name: str, value: float) -> str:
+        """Which bound was passed, and how far."""
+        bound = f"at most {self.most:g}" if value > self.most else f"at least {self.least:g}"
+        return f"{name} = {value:.4g}: expected {bound} {self.unit}".strip()
+
+
 class Moved(NamedTuple):
     """The state x (n,) after a tick, the input u (m,) that it holds by then, and how many impacts there were."""
 
@@ -97,8 +112,9 @@ class ControlTask:
         limit: of |u|, each component.
         seconds, duration: of a tick and of an episode.
         observation: what a policy reads, by name; None: the state.
-        failed: positive where an episode has failed, an expression of x, p and the input u that is held there; it is
-            looked at as a tick ends, but not one with an impact, in which forces are the impact's.
+        failed: positive where an episode has failed, an expression of x, p and the input u that is held there, or a
+            `Limit` by its name, or several; it is looked at as a tick ends, but not one with an impact, in which forces
+            are the impact's.
         tolerance: by how much a barrier may be negative and still counts as kept, in its own unit.
         objective: see `Tick`; None: the least mu.
         coordinates: names of q; none: x1, x2, ... inputs: names of u; none: u1, u2, ...
@@ -123,7 +139,7 @@ class ControlTask:
     seconds: float = 0.01
     duration: float = 5.0
     observation: Mapping[str, ca.SX] | None = None
-    failed: ca.SX | None = None
+    failed: ca.SX | Mapping[str, Limit] | None = None
     tolerance: float = 0.01
     objective: Callable[[Terms], Affine | None] | None = None
     coordinates: tuple[str, ...] = ()
@@ -139,7 +155,7 @@ class ControlTask:
         n = self.system.x.numel()
         for name, values, known in (("nominal", self.nominal, self.system.named), ("true", self.true, self.nominal)):
             if strange := sorted(set(values) - set(known)):
-                raise TaskError(f"{name} = {', '.join(strange)}: expected some of {', '.join(known)}")
+                raise TaskError(f"{name} = {', '.join(strange)}: expected {one_of(strange[0], known)}")
             if wrong := [f"{key} = {value}" for key, value in values.items() if not math.isfinite(value)]:
                 raise TaskError(f"{name}: {', '.join(wrong)}: expected finite numbers")
         if any(len(bound) != n for bound in self.start) or np.any(np.greater(*self.start)):
@@ -265,14 +281,35 @@ class ControlTask:
         now = Moved(struck.x, struck.u, now.impacts + 1)
         return now._replace(x=later(h - until, now))
 
+    @property
+    def limits(self) -> Mapping[str, Limit]:
+        """Beyond which an episode has failed."""
+        if isinstance(self.failed, Mapping):
+            return self.failed
+        return {} if self.failed is None else {"failed": Limit(self.failed, most=0.0)}
+
     @cached_property
-    def _has_failed(self) -> NumpyFunction:
-        value, system = ca.SX(-1) if self.failed is None else self.failed, self.system
-        return NumpyFunction.of("failed", {"x": system.x, "p": system.p, "u": system.u}, {"value": value})
+    def _limited(self) -> NumpyFunction:
+        """Of all limits the values, and by how much they are passed."""
+        system, limits = self.system, self.limits.values()
+        beyond = ca.vertcat(ca.SX(0, 1), *(ca.fmax(each.value - each.most, each.least - each.value) for each in limits))
+        found = {"values": ca.vertcat(ca.SX(0, 1), *(each.value for each in limits)), "beyond": beyond}
+        return NumpyFunction.of("limited", {"x": system.x, "p": system.p, "u": system.u}, found)
+
+    def why_failed(self, now: Moved, p: Array, impacts: int) -> str:
+        """Of an episode with this outcome: which limit was passed, its value and the bound."""
+        if not np.isfinite(now.x).all():
+            return f"state = {now.x.tolist()}: expected finite numbers"
+        found = self._limited(now.x, p, now.u)
+        for (name, limit), value, beyond in zip(self.limits.items(), found.values, found.beyond, strict=True):
+            if beyond > 0 and not now.impacts:
+                return limit.said(name, float(value))
+        return f"impacts = {impacts}: expected {self.impacts} in {self.duration:g} s"
 
     def outcome(self, now: Moved, p: Array, ticks: int, impacts: int) -> str:
         """How an episode ends after so many ticks and impacts: failed, done, or not yet, which is empty."""
-        if not np.isfinite(now.x).all() or (not now.impacts and self._has_failed(now.x, p, now.u).value[0] > 0):
+        is_beyond = not now.impacts and bool((self._limited(now.x, p, now.u).beyond > 0).any())
+        if is_beyond or not np.isfinite(now.x).all():
             return "failed"
         if self.impacts is None:
             return "done" if ticks >= self.ticks else ""

@@ -20,17 +20,17 @@ import numpy as np
 from cbf_clf_qp import Clf, System
 from cbf_clf_qp.functions import Array, NumpyFunction, packed
 from cbf_clf_qp.system import solved
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 from rabbit_description.bounded_file import read_text
 from rabbit_description.planar_urdf import BASE, SLIDES, with_planar_base
-from rabbit_description.validation import one_line
+from rabbit_description.validation import one_line, one_of
 from rabbit_description.yaml_file import MOST_BYTES, read_mapping
 from rl_cbf_clf_controller.planar_robot import PinnedRobot, rotated
 from rl_cbf_clf_controller.robot_numbers import read_robot
 from rl_cbf_clf_controller.step_paths import StepPath
 from rl_cbf_clf_controller.virtual_constraints import Angles, OutputExpressions, VirtualConstraints
 
-from own_systems.task import ControlTask, Disc, Impact, Line, Shape, TaskError
+from own_systems.task import ControlTask, Disc, Impact, Limit, Line, Shape, TaskError
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -43,7 +43,7 @@ class WalkerFile(BaseModel):
     """What a walker's file says beside the URDF.
 
     `stance`, `swing`: the URDF's joints of each leg, and its link `foot`, by one name for both legs; the stance leg is
-    the one that stands first. `path` (m, k): control points of each output over the phase, rad.
+    the one that stands first. `path`: k control points of each output over the phase, by its name, rad.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -53,7 +53,7 @@ class WalkerFile(BaseModel):
     swing: dict[str, str]
     outputs: dict[str, Sum] = Field(description="what is controlled: sums of coordinates")
     phase: Sum = Field(description="the sum that grows over a step")
-    path: list[list[Finite]]
+    path: dict[str, list[Finite]]
     phase_range: tuple[Finite, Finite] = Field(description="the sum at the begin and at the end of a step, rad")
     phase_rate: Positive = Field(description="1/s, as a step begins")
     eps: Positive = Field(0.2, le=1, description="of the CLF")
@@ -70,6 +70,13 @@ class WalkerFile(BaseModel):
         default_factory=dict, description="the true mass, payload (kg, on the torso), motors"
     )
 
+    @field_validator("path", mode="before")
+    @classmethod
+    def _by_name(cls, path: Any) -> Any:
+        if isinstance(path, list):
+            raise ValueError("expected a row of control points by the name of each output, as in {torso: [0.3, 0.2]}")
+        return path
+
     @model_validator(mode="after")
     def _fits(self) -> Self:
         if set(self.stance) != set(self.swing) or FOOT not in self.stance:
@@ -78,8 +85,10 @@ class WalkerFile(BaseModel):
             )
         if self.phase_range[0] >= self.phase_range[1]:
             raise ValueError(f"phase_range = {self.phase_range}: expected a sum that grows")
-        if len(self.path) != len(self.outputs) or len({len(row) for row in self.path}) != 1 or len(self.path[0]) < 2:
-            raise ValueError(f"path: expected {len(self.outputs)} rows, one of each output, of the same length")
+        if self.path.keys() != self.outputs.keys():
+            raise ValueError(f"path of {', '.join(self.path)}: expected that of each output, {', '.join(self.outputs)}")
+        if len({len(row) for row in self.path.values()}) != 1 or min(map(len, self.path.values())) < 2:
+            raise ValueError("path: expected rows of the same length, of 2 control points or more")
         return self
 
 
@@ -118,8 +127,10 @@ class PlanarWalker:
         acceleration = self._held(robot.acceleration(robot.u))[SLIDES:]
         x, x_dot = ca.vertcat(foot, self.q, foot_rate, self.dq), ca.vertcat(foot_rate, self.dq, 0, acceleration)
         self.system = System(x, robot.u, x_dot, self.parameters)
-        self.angles = Angles(np.array([self._row(each) for each in file.outputs.values()]), self._row(file.phase))
-        self.path = StepPath(np.array(file.path), *file.phase_range)
+        rows = {name: self._row(of) for name, of in file.outputs.items()}
+        self.outputs = sorted(rows, key=lambda name: (rows[name][::-1].tolist(), name))  # not as the file has them
+        self.angles = Angles(np.array([rows[name] for name in self.outputs]), self._row(file.phase))
+        self.path = StepPath(np.array([file.path[name] for name in self.outputs]), *file.phase_range)
         self.constraints = VirtualConstraints(self.path, self.angles)
 
     def _of_robot(self) -> dict[str, ca.SX]:
@@ -135,7 +146,7 @@ class PlanarWalker:
     def _row(self, of: Sum) -> Array:
         """A sum as factors of the robot's coordinates (n,)."""
         if strange := sorted(set(of) - set(self.coordinates)):
-            raise ValueError(f"{', '.join(strange)}: expected some of {', '.join(self.coordinates)}")
+            raise ValueError(f"{', '.join(strange)}: expected {one_of(strange[0], self.coordinates)}")
         return np.array([0.0] * SLIDES + [of.get(name, 0.0) for name in self.coordinates])
 
     def _held(self, expression: ca.SX) -> ca.SX:
@@ -167,9 +178,13 @@ class PlanarWalker:
         numbers = ca.SX([*self.constraints.row, *self.constraints.scale])
         y, phase = (ca.substitute(each, symbols, numbers) for each in outputs.along_path([outputs.y, outputs.phase]))
         seen = ca.vertcat(y, system.derivative(y), phase, system.derivative(phase))
-        names = [*file.outputs, *(f"d{each}" for each in file.outputs), "phase", "dphase"]
+        names = [*self.outputs, *(f"d{each}" for each in self.outputs), "phase", "dphase"]
         hip, force = self._held(robot.hip), self._held(robot.force(robot.u))
-        low = ca.vertcat(ca.fabs(self.q[0]) - file.fallen_pitch, file.fallen_hip - hip[1], -force[1])
+        failed = {
+            "pitch": Limit(self.q[0], -file.fallen_pitch, file.fallen_pitch, "rad"),
+            "hip": Limit(hip[1], least=file.fallen_hip, unit="m"),
+            "force of the ground": Limit(force[1], least=0.0, unit="N"),
+        }
         return ControlTask(
             self.name,
             system,
@@ -180,7 +195,7 @@ class PlanarWalker:
             limit=file.limit,
             duration=file.steps * file.longest_step,
             observation=dict(zip(names, ca.vertsplit(seen), strict=True)),
-            failed=ca.mmax(low),
+            failed=failed,
             coordinates=("foot", *self.coordinates),
             inputs=tuple(self.motors),
             draw=self.draw,

@@ -106,8 +106,8 @@ def test_an_episode_that_fails_ends_there(task):
     [
         ({"commands": lambda rng: lambda t: {}}, "commands give nothing: expected target"),
         ({"commands": lambda rng: lambda t: {"goal": 1.0}}, "commands give goal: expected target"),
-        ({"nominal": {"mas": 1.0}}, "nominal = mas: expected some of mass, target"),
-        ({"true": {"target": 1.0}}, "true = target: expected some of mass"),
+        ({"nominal": {"mas": 1.0}}, "nominal = mas: expected one of mass, target"),
+        ({"true": {"target": 1.0}}, "true = target: expected one of mass"),
         ({"true": {"mass": np.nan}}, "mass = nan"),
         ({"start": ((0,), (0,))}, "start = "),
         ({"start": ((1, 0), (0, 0))}, "start = "),

@@ -11,7 +11,6 @@ import errno
 import gc
 import os
 import signal
-from difflib import get_close_matches
 from functools import cache
 from importlib.machinery import PathFinder
 from importlib.metadata import EntryPoint, entry_points, version
@@ -96,8 +95,10 @@ class LazyGroup(TyperGroup):
         if args[0] in ORDER and args[0] not in commands():
             _fail(f"{args[0]} is not installed: call make studies, or pip install ./studies ./qa")
         if args[0] not in commands() and not args[0].startswith("-"):
-            near = get_close_matches(args[0], commands(), n=1)
-            _fail(f"no command {args[0]}{f': did you mean {near[0]}?' if near else '; rabbit --help lists them'}")
+            from rabbit_description.validation import nearest
+
+            near = nearest(args[0], commands())
+            _fail(f"no command {args[0]}{f': did you mean {near}?' if near else '; rabbit --help lists them'}")
         name, _, rest = super().resolve_command(ctx, args)
         entry = commands()[str(name)]
         if source(entry) is None:
@@ -113,7 +114,7 @@ class LazyGroup(TyperGroup):
         """Run the command; a signal that it does not answer ends it with the shell's code.
 
         What the system refuses, as a full or read-only disk does, ends it with one line; so does what is
-        not installed.
+        not installed, and an error in a person's own task or plugin.
         """
         try:
             return super().invoke(ctx)
@@ -121,18 +122,20 @@ class LazyGroup(TyperGroup):
             if error.name not in EXTRAS:
                 raise
             _fail(f"{error.name} is not installed: pip install './ros2_ws/src/{EXTRAS[error.name]}'")
-        except LookupError as error:
-            from rabbit_description.plugins import PluginError
-
-            if not isinstance(error, PluginError):
-                raise
-            _fail(str(error))
         except OSError as error:
             if error.errno in (None, errno.EPIPE):  # not the system's; a pipe whose reader has gone
                 raise
             _fail(f"{error.filename}: {error.strerror}" if error.filename else str(error.strerror))
         except KeyboardInterrupt as error:
             ctx.exit(of_interrupt(error))
+        except Exception as error:
+            from rabbit_description.plugins import PluginError
+            from rabbit_description.user_code import fault_in_user_code
+
+            where = str(error) if isinstance(error, PluginError) else fault_in_user_code(error)
+            if not where:
+                raise
+            _fail(where)
 
 
 def _terminate(number: int, _: object) -> None:

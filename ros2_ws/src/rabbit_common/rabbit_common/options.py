@@ -102,6 +102,19 @@ def fail(text: object, code: int = BAD_VALUE) -> NoReturn:
     raise typer.Exit(code)
 
 
+def is_bare(context: typer.Context) -> bool:
+    """Whether a command was called without any argument or option."""
+    sources = map(context.get_parameter_source, context.params)
+    return all(source is None or source.name == "DEFAULT" for source in sources)
+
+
+def tell_if_bare(context: typer.Context, about: str, *begin: str) -> None:
+    """End a bare call of what takes long: `about` says what it does and how long that takes, `begin` how to begin."""
+    if is_bare(context):
+        print(about, *(f"    {each}" for each in begin), sep="\n")
+        raise typer.Exit
+
+
 @contextmanager
 def complaints(*errors: type[Exception]) -> Iterator[None]:
     """Turn pydantic's errors and `errors` into one line and exit code 2, or the error's own `code`."""

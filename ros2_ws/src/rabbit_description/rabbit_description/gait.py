@@ -16,7 +16,7 @@ from rabbit_description import GAITS, LIBRARIES
 from rabbit_description.atomic_file import replace_text
 from rabbit_description.bounded_file import FileError, is_file, read_text
 from rabbit_description.state import DOF, JOINTS, Array
-from rabbit_description.validation import one_line
+from rabbit_description.validation import one_line, one_of
 from rabbit_description.yaml_file import MOST_BYTES, dump_yaml, parse_yaml
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -165,8 +165,8 @@ def load_gaits(name_or_path: str | Path) -> Gaits:
         places = (folder / f"{name_or_path}.yaml" for folder in (GAITS, LIBRARIES))
         path = next((each for each in places if is_file(each)), path)
     if not is_file(path):
-        names = f"gaits are {', '.join(shipped(GAITS))}; libraries are {', '.join(shipped(LIBRARIES))}"
-        raise GaitError(f"gait: no file {path}; shipped {names}")
+        known = [*shipped(GAITS), *shipped(LIBRARIES)]
+        raise GaitError(f"gait {name_or_path}: no such file, expected {one_of(name_or_path, known)}, or a YAML file")
     try:
         return _gaits_of(read_text(path, MOST_BYTES))
     except (ValidationError, FileError) as error:

@@ -1,5 +1,6 @@
 """URDF texts of planar robots: a base that moves in the plane, heavier or lighter links."""
 
+import math
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
@@ -19,13 +20,13 @@ def with_planar_base(urdf: str) -> str:
     As it is, if it has them.
 
     Raises:
-        UrdfError: not XML, or not one root link.
+        UrdfError: see `_parsed`, or not one root link.
     """
     robot = _parsed(urdf)
-    if {joint.attrib["name"] for joint in robot.iterfind("joint")} >= set(BASE_JOINTS):
+    if {joint.get("name") for joint in robot.iterfind("joint")} >= set(BASE_JOINTS):
         return urdf
-    children = {child.attrib["link"] for child in robot.iterfind("joint/child")}
-    roots = [link.attrib["name"] for link in robot.iterfind("link") if link.attrib["name"] not in children]
+    children = {child.get("link") for child in robot.iterfind("joint/child")}
+    roots = [link.get("name", "") for link in robot.iterfind("link") if link.get("name") not in children]
     if len(roots) != 1:
         raise UrdfError(f"URDF {robot.get('name')}: root links {roots}; expected one")
     links = ("world", "slide_x", "slide_z")
@@ -42,7 +43,7 @@ def with_planar_base(urdf: str) -> str:
 
 
 def scaled(urdf: str, factor: float) -> str:
-    """The robot with every mass and inertia times `factor`; raises `UrdfError`: not XML."""
+    """The robot with every mass and inertia times `factor`; raises `UrdfError`, see `_parsed`."""
     robot = _parsed(urdf)
     scale_inertials(robot, factor)
     return ElementTree.tostring(robot, encoding="unicode")
@@ -57,7 +58,26 @@ def scale_inertials(robot: Element, factor: float) -> None:
 
 
 def _parsed(urdf: str) -> Element:
+    """The root; raises `UrdfError`: not XML, a mass or inertia that no link can have, or a place that is none."""
     try:
-        return ElementTree.fromstring(urdf)
+        robot = ElementTree.fromstring(urdf)
     except ElementTree.ParseError as error:
         raise UrdfError(f"URDF: not XML: {error}") from error
+    for link in robot.iterfind("link"):
+        for tag, name in (("mass", "value"), ("inertia", "ixx"), ("inertia", "iyy"), ("inertia", "izz")):
+            for element in link.iterfind(f"inertial/{tag}"):
+                if not 0 <= _number(element.get(name)) < math.inf:
+                    said = f"{tag} {name} = {element.get(name)}"
+                    raise UrdfError(f"URDF {robot.get('name')}: link {link.get('name')}: {said}: expected 0 or more")
+    for element in robot.iter():  # pinocchio drops the inertia of a link whose place it cannot read
+        for name, text in ((name, element.get(name, "0 0 0")) for name in ("xyz", "rpy")):
+            if not (len(text.split()) == 3 and all(math.isfinite(_number(each)) for each in text.split())):
+                raise UrdfError(f"URDF {robot.get('name')}: {element.tag} {name} = {text}: expected 3 finite numbers")
+    return robot
+
+
+def _number(text: str | None) -> float:
+    try:
+        return float(text or "")
+    except ValueError:
+        return math.nan

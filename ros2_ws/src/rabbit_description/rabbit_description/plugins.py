@@ -11,6 +11,9 @@ from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
 from typing import Any
 
+from rabbit_description.user_code import fault_in_user_code, plugged
+from rabbit_description.validation import one_of
+
 
 class PluginError(LookupError):
     """No part of that name can be had; the message is one line."""
@@ -25,13 +28,15 @@ def load(group: str, name: str) -> Any:
     """The class or function of this name.
 
     Raises:
-        PluginError: no installed package brings it, a library that it needs is not installed, or it was written for
-            another version of a library, such as this project's former one.
+        PluginError: no installed package brings it, a library that it needs is not installed, it was written for
+            another version of a library, such as this project's former one, or its module raises an error.
     """
     found = _found(group, tuple(sys.path))
     if name not in found:
-        choices = ", ".join(names(group)) or "those of installed packages, of which none brings one"
-        raise PluginError(f"{group} {name}: expected one of {choices}")
+        known = names(group)
+        choices = one_of(name, known) if known else "what an installed package brings; none brings one"
+        raise PluginError(f"{group} {name}: expected {choices}")
+    plugged.add(found[name].module.partition(".")[0])
     try:
         return found[name].load()
     except ImportError as error:
@@ -40,6 +45,10 @@ def load(group: str, name: str) -> Any:
         if library and find_spec(library):
             message = f"{error}: it was written for another version of {library} (CHANGELOG.md)"
         raise PluginError(f"{group} {name}: {message}") from error
+    except Exception as error:  # it is code, and may raise anything
+        if where := fault_in_user_code(error):
+            raise PluginError(f"{group} {name}: {where}") from error
+        raise
 
 
 @cache

@@ -1,7 +1,7 @@
 """What is wrong with a value or a file, in one line: its name, what it is, what was expected."""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from difflib import get_close_matches
 
 from pydantic import ValidationError
@@ -15,14 +15,25 @@ def one_line(error: object, most: int = LONGEST_LINE) -> str:
     return text if len(text) <= most else f"{text[:most]} ..."
 
 
+def nearest(name: object, known: Collection[str]) -> str:
+    """The known name that was probably meant; empty where none is near."""
+    return next(iter(get_close_matches(str(name), known, n=1)), "")
+
+
+def one_of(name: object, known: Collection[str]) -> str:
+    """What was expected in place of a name that is not known: all names, the nearest one first."""
+    near = nearest(name, known)
+    said = ", ".join(sorted(known, key=lambda each: each != near))
+    return f"one of {said} (did you mean {near}?)" if near else f"one of {said}"
+
+
 def fault(error: ValidationError, named: Callable[[str], str] = str, equals: str = " = ") -> str:
     """Name, value and expectation of the first thing that is wrong, an unknown name before all others."""
     first = min(error.errors(), key=lambda each: each["type"] != "extra_forbidden")
     text = re.sub(r"^(Input should be|Value error,)( a valid)? ?(expected )?", "", first["msg"])
     if first["type"] == "literal_error":
         known = re.findall(r"'([^']*)'", str(first.get("ctx", {}).get("expected", "")))
-        near = get_close_matches(str(first["input"]), known, n=1)
-        text += f"; did you mean {near[0]}?" if near else ""
+        text = one_of(first["input"], known) if known else text
     is_mapping = first["type"] == "model_type"
     text = "names, each with a value" if is_mapping else text
     if not first["loc"]:

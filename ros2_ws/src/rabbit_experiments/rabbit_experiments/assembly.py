@@ -7,6 +7,7 @@ from typing import ClassVar
 from rabbit_description.bounded_file import is_file
 from rabbit_description.gait import Gaits, load_gaits
 from rabbit_description.state import ACTUATED
+from rabbit_description.validation import one_of
 from rabbit_estimator.contact_aided_filter import ContactAidedFilter
 from rabbit_estimator.parameters import EstimatorParameters
 from rabbit_sim.parameters import SimulationParameters
@@ -100,8 +101,8 @@ def resolve_policy(name: str | None, controller: ControllerParameters, oracle: b
         return name
     path = policy_path(name)
     if not is_file(path):
-        choice = ", ".join((*built_in, *shipped_policies()))
-        raise AssemblyError("policy", f"{name}: expected one of {choice}, or a policy file")
+        known = one_of(name, (*built_in, *shipped_policies()))
+        raise AssemblyError("policy", f"{name}: expected {known}, or a policy file")
     return str(path.absolute())
 
 

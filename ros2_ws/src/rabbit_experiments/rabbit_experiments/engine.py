@@ -16,6 +16,7 @@ from typing import Any
 import joblib
 from joblib.externals.loky.backend import resource_tracker as loky_tracker
 from rabbit_common.child_process import end_with_parent
+from rabbit_description.user_code import fault_in_user_code
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Column
 
@@ -23,6 +24,7 @@ from rabbit_experiments.cache import Cache, Job, JobError
 
 BAR_WIDTH = 20  # characters
 ENDING = (signal.SIGINT, signal.SIGTERM)
+SECONDS_A_WALK = 1.0  # of a core; measured in PyBullet (studies/docs/reproduce.md)
 
 
 def run(
@@ -40,13 +42,14 @@ def run(
     Raises:
         JobError: of the first job that had no result, when the others are done.
     """
-    unique = list({cache.key(job): job for job in jobs}.values())
-    left = [job for job in unique if cache.get(job) is None]
-    if outdated := cache.outdated(left):
-        print(outdated)
     errors: list[JobError] = []
     with progress_bar() as bar:
-        task = bar.add_task("", total=len(unique), completed=len(unique) - len(left))
+        task = bar.add_task("looks for what is done", total=len(jobs))
+        found = {cache.key(job): (job, cache.get(job) is not None) for job in bar.track(jobs, task_id=task)}
+        left = [job for job, is_done in found.values() if not is_done]
+        if outdated := cache.outdated(left):
+            bar.console.print(outdated, highlight=False, soft_wrap=True)
+        bar.reset(task, total=len(found), completed=len(found) - len(left), description="")
         for job, result in _results(batches(left, batch, processes), processes):
             try:
                 if isinstance(result, JobError):
@@ -60,6 +63,14 @@ def run(
     if errors:
         raise errors[0]
     return len(left)
+
+
+def about_so_long(walks: int, processes: int) -> str:
+    """How long so many walks take, roughly: as in `about 2.5 h on 2 cores`."""
+    cores = min(processes, os.cpu_count() or 1)
+    minutes = walks * SECONDS_A_WALK / cores / 60
+    said = f"{minutes:.0f} min" if minutes < 90 else f"{minutes / 60:.1f} h"
+    return f"about {said} on {cores} {'core' if cores == 1 else 'cores'}"
 
 
 def progress_bar() -> Progress:
@@ -118,7 +129,12 @@ def _interrupts_held() -> Iterator[None]:
 
 
 def _do(jobs: list[Job]) -> list[tuple[Job, Any]]:
-    return list(_each(jobs))
+    try:
+        return list(_each(jobs))
+    except Exception as error:  # its traceback stays in this process
+        if where := fault_in_user_code(error):
+            raise JobError(where) from None
+        raise
 
 
 def _each(jobs: list[Job]) -> Iterator[tuple[Job, Any]]:

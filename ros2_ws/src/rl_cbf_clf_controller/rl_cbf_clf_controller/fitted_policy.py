@@ -33,6 +33,9 @@ def fitted(file: PolicyFile, parameters: ControllerParameters, gaits: Gaits) -> 
         if parameters.terrain == "stones" and STEP_LENGTH in about.observation and not has_lengths(gaits):
             raise PolicyFileError(f"policy: it reads {STEP_LENGTH}: expected a gait library, gait is {gaits.name}")
         return policy
-    if (about.problem, parameters.problem) == (RL_CBF_CLF_QP.name, RL_CLF_QP):
+    if parameters.problem == RL_CLF_QP and about.fits(RL_CBF_CLF_QP):
         return OnFlatGround(policy, gaits.step_length if isinstance(gaits, Gait) else gaits.start_length)
-    raise PolicyFileError(f"policy: it was trained for {about.about}; this controller needs {parameters.problem}")
+    size = f", {len(about.names)} quantities of {len(about.observation)} observations"
+    is_named = about.problem in (parameters.problem.name, RL_CBF_CLF_QP.name)
+    trained = f"{about.about}{size if is_named else ''}"
+    raise PolicyFileError(f"policy: it was trained for {trained}; this controller needs {parameters.problem}")

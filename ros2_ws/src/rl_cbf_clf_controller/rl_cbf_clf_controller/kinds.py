@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BeforeValidator, PlainSerializer
 from rabbit_description import plugins
+from rabbit_description.validation import one_of
 
 from rl_cbf_clf_controller.problem import Problem
 
@@ -58,7 +59,7 @@ def find_problem(problem: Any) -> Any:
         return problem
     known = {kind.problem.name: kind.problem for kind in map(find_kind, NAMES)}
     if problem not in known:
-        raise ValueError(f"expected {' or '.join(map(repr, known))}")
+        raise ValueError(f"expected {one_of(problem, known)}")
     return known[problem]
 
 

@@ -6,7 +6,7 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from rabbit_description import DEFAULT_GAIT
 from rabbit_description.bounded_file import FileError
-from rabbit_description.validation import one_line
+from rabbit_description.validation import one_line, one_of
 
 from rl_cbf_clf_controller.kinds import ControllerName, find_kind
 from rl_cbf_clf_controller.problem import Problem
@@ -164,7 +164,9 @@ def load_parameters(name_or_path: str | Path, terrain: str | None = None, /, **c
     """
     from rabbit_description.yaml_file import read_mapping, shortened, yaml_path  # not for --help
 
-    path = yaml_path(name_or_path, CONFIG)
+    path, shipped = yaml_path(name_or_path, CONFIG), sorted(each.stem for each in CONFIG.glob("*.yaml"))
+    if path.parent == CONFIG and path.stem not in shipped:
+        raise ParameterError(f"parameters {name_or_path}: expected {one_of(name_or_path, shipped)}, or a YAML file")
     try:
         values = read_mapping(path)
         on_flat_ground = values.pop(ON_FLAT_GROUND, {})

@@ -12,6 +12,7 @@ from cbf_clf_qp.functions import NumpyFunction, Values
 from rabbit_description import URDF_PATH
 from rabbit_description.planar_urdf import BASE
 from rabbit_description.state import SWAP_TORQUE, Array
+from rabbit_description.validation import one_line
 
 from rl_cbf_clf_controller.planar_robot import PinnedRobot, Structure
 
@@ -73,9 +74,12 @@ def read_robot(urdf: str | None = None, feet: tuple[str, str] = ("left_foot", "r
     """Of a URDF, RABBIT's if none is given; `feet` are the links of the stance and of the swing foot.
 
     Raises:
-        ValueError: a robot that is not planar, or has no such feet.
+        ValueError: a robot that is not planar, has no such feet, or a link without mass where a joint moves it.
     """
-    model = pin.buildModelFromXML(urdf or URDF_PATH.read_text(encoding="utf-8"))
+    try:
+        model = pin.buildModelFromXML(urdf or URDF_PATH.read_text(encoding="utf-8"))
+    except Exception as error:  # of several kinds
+        raise ValueError(f"URDF: {one_line(error)}") from error
     _check(model, feet)
     first = BASE + 1  # joint of the first link after the torso
     parents = tuple(int(parent) - BASE for parent in list(model.parents)[first:])
@@ -101,5 +105,9 @@ def _check(model: pin.Model, feet: tuple[str, str]) -> None:
         is_level = np.array_equal(placement.rotation, np.eye(3)) and (joint > BASE or not placement.translation.any())
         if not is_level or (joint < BASE and model.inertias[joint].mass != 0):
             raise ValueError(f"URDF {model.name}: {model.names[joint]}: expected frames in the plane, not turned")
+    for joint in range(BASE, model.njoints):
+        if not model.inertias[joint].mass > 0:
+            said = f"mass {model.inertias[joint].mass:g} of what the joint {model.names[joint]} moves"
+            raise ValueError(f"URDF {model.name}: {said}: expected a positive mass")
     if missing := [foot for foot in feet if not model.existFrame(foot)]:
         raise ValueError(f"URDF {model.name}: no link {', '.join(missing)} for a foot")

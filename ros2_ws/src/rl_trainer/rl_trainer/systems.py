@@ -13,11 +13,12 @@ policy = learn(TrainingParameters(problem=problem, seed=1, episodes=12), walk)
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from cbf_clf_qp.answer import Decided
 from cbf_clf_qp.estimates import Estimates, measure, model_error
-from cbf_clf_qp.functions import Array, Values, places_of
+from cbf_clf_qp.functions import Array, NumpyFunction, Values, places_of
 from cbf_clf_qp.tick import Tick
 from rl_cbf_clf_controller.policy import ActorPolicy, LearnedPolicy
 from rl_cbf_clf_controller.problem import Problem
@@ -53,7 +54,7 @@ class SystemTick:
 
 
 class SystemTicks:
-    """The ticks of a system that a `problem` is learned on, `seconds` apart, and the `transitions` between them.
+    """The ticks of a system that a `problem` is learned on, `seconds` apart; what is learned of are its `transitions`.
 
     `tick`: its `reads` have an `observation` (k,), what a policy reads; `limit`: of each component of the input, also
     with exploration.
@@ -61,7 +62,7 @@ class SystemTicks:
 
     def __init__(self, tick: Tick, problem: Problem, seconds: float, limit: float = np.inf) -> None:
         self._tick, self._problem, self._seconds, self._limit = tick, problem, np.array([seconds]), limit
-        self._measure, self._error = measure(tick.terms), model_error(tick.terms)
+        self._error = model_error(tick.terms)
         self._places = places_of(tick.system.named)
         self.begin()
 
@@ -70,7 +71,8 @@ class SystemTicks:
 
         The oracle knows the `true` parameters by name; those that are not named are what the model has.
         """
-        self._policy, self._true, self.transitions = policy, true, list[Transition]()
+        self._policy, self._true = policy, true
+        self._pairs, self._transitions = list[tuple[SystemTick, SystemTick]](), list[Transition]()
         self.interrupt()
 
     def interrupt(self) -> None:
@@ -89,9 +91,20 @@ class SystemTicks:
             mu = np.linalg.solve(values.control_a, control - values.control_b)
         now = SystemTick(x, p, seen, estimates, decided, mu, control)
         if self._last is not None:
-            self.transitions.append(self._transition(self._last, now))
+            self._pairs.append((self._last, now))
         self._last = now
         return now
+
+    @cached_property
+    def _measure(self) -> NumpyFunction:
+        return measure(self._tick.terms)
+
+    @property
+    def transitions(self) -> list[Transition]:
+        """Those of the episode so far; raises ValueError, see `measure`, where a quantity cannot be measured."""
+        new = self._pairs[len(self._transitions) :]
+        self._transitions += [self._transition(len(self._transitions) + i, *pair) for i, pair in enumerate(new)]
+        return self._transitions
 
     def _estimates(self, x: Array, p: Array, seen: Values) -> Estimates:
         if self._true is not None:
@@ -106,7 +119,7 @@ class SystemTicks:
         """Of the CLF, (m,), which is V-dot's slope over mu; zeros where there is none."""
         return seen.nominal_a[0] if self._problem.has_clf else np.zeros(self._problem.inputs)
 
-    def _transition(self, before: SystemTick, after: SystemTick) -> Transition:
+    def _transition(self, number: int, before: SystemTick, after: SystemTick) -> Transition:
         """A measured value is a mean over the tick, so the nominal one is the mean of both ends under the held input;
         that of V has the start's slope at both, as its measurement has."""
         held = np.linalg.solve(after.seen.control_a, before.control - after.seen.control_b)
@@ -115,7 +128,7 @@ class SystemTicks:
             nominal[0] = before.nominal((before.mu + held) / 2)[0]
         return Transition(
             problem=self._problem,
-            tick=len(self.transitions),
+            tick=number,
             step_index=0,
             observation=before.seen.observation,
             LgV=self._LgV(before.seen),

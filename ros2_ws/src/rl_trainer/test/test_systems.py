@@ -1,5 +1,6 @@
 """A system without a robot: transitions of a double integrator whose true error is known in closed form."""
 
+from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
@@ -96,7 +97,7 @@ def test_a_trainer_learns_it() -> None:
     )
     rng = np.random.default_rng(8)
 
-    said, ticks = list[str](), ticks_of(CLF)
+    said, ticks = list[str](), SimpleNamespace(transitions=list[Transition]())
 
     def draw(number: int) -> list[Transition]:
         return [measured(rng.standard_normal(2), float(2 * rng.standard_normal())) for _ in range(number)]

@@ -56,8 +56,9 @@ def evaluate(
 def load(source: str) -> "ControlTask":
     """The task; ends the command where there is none, or it is wrong."""
     from own_systems.loading import load_task
+    from own_systems.task import TaskError
 
-    with complaints(Exception):  # a file is code, and may raise anything
+    with complaints(TaskError):
         return load_task(source)
 
 
@@ -76,7 +77,8 @@ def summarise(task: "ControlTask", rides: "Sequence[Ride]") -> dict[str, Any]:
         counts = np.array([float(ride.impacts) for ride in rides])
         ends = mean_interval(counts, 0.0, inf if task.impacts is None else task.impacts)
         found["impacts"] = {"mean": float(counts.mean()), "mean_ci95": ends}
-    return found | {"outcomes": dict(Counter(ride.outcome for ride in rides))}
+    reasons = Counter(ride.reason.partition(" =")[0] for ride in rides if ride.reason)
+    return found | {"outcomes": dict(Counter(ride.outcome for ride in rides)), "reasons": dict(reasons)}
 
 
 def show(task: "ControlTask", summary: dict[str, Any]) -> None:
@@ -94,7 +96,8 @@ def show(task: "ControlTask", summary: dict[str, Any]) -> None:
             row.append(f"{b['worst']:.4f}; {b['mean']:.4f} {interval(b['mean_ci95'], DECIMALS)}" if b else "-")
         if counts := of.get("impacts"):
             row.append(f"{counts['mean']:.1f} {interval(counts['mean_ci95'], 1)}")
-        table.add_row(*row, ", ".join(f"{count} {name}" for name, count in of["outcomes"].items()))
+        reasons = [f"by {name}: {count}" for name, count in of["reasons"].items() if name not in of["outcomes"]]
+        table.add_row(*row, ", ".join([*(f"{count} {name}" for name, count in of["outcomes"].items()), *reasons]))
     Console().print(table)
 
 
@@ -113,11 +116,20 @@ def write_results(folder: Path, task: "ControlTask", ridden: "dict[str, list[Rid
         with replacing(folder / "runs.csv") as partial, partial.open("w", newline="", encoding="utf-8") as file:
             table = csv.writer(file)
             table.writerow(
-                ["controller", "seed", "ticks", "outcome", "kept", "impacts", *(b.name for b in task.barriers)]
+                [
+                    "controller",
+                    "seed",
+                    "ticks",
+                    "outcome",
+                    "reason",
+                    "kept",
+                    "impacts",
+                    *(b.name for b in task.barriers),
+                ]
             )
             for name, rides in ridden.items():
                 for ride in rides:
-                    ended = len(ride.moments), ride.outcome, ride.is_kept, ride.impacts
+                    ended = len(ride.moments), ride.outcome, ride.reason, ride.is_kept, ride.impacts
                     table.writerow([name, ride.seed, *ended, *ride.margins.tolist()])
         replace_text(folder / "summary.json", json.dumps({"task": task.name, **summary}, indent=2))
         draw_margins(task, ridden, folder / "margins.png")
@@ -148,7 +160,7 @@ def train(
 @app.command()
 def ride(
     task: Task,
-    out: Annotated[Path, typer.Option(help="folder for recording, plot and film")],
+    out: Annotated[Path, typer.Option(help="folder for recording, plot and film")] = Path("runs/ride"),
     controller: Annotated[str, typer.Option(help="its name, or a policy file")] = "nominal",
     seed: Seed = 1,
 ) -> None:
@@ -168,7 +180,8 @@ def ride(
     ridden = rider.ride(controlling, seed)
     with complaints(LaunchError, RecordingError, OSError):
         write_ride(ridden, folder / "recording", controlling if isinstance(controlling, ActorPolicy) else None)
-        print(f"{ridden.outcome}, kept: {'yes' if ridden.is_kept else 'no'}, {len(ridden.moments)} ticks")
+        said = f"{ridden.outcome}: {ridden.reason}" if ridden.reason else ridden.outcome
+        print(f"{said}, kept: {'yes' if ridden.is_kept else 'no'}, {len(ridden.moments)} ticks")
         print(folder / "recording")
     draw_all(ridden, folder)
 

@@ -167,7 +167,8 @@ class SimulatorNode(CheckedNode):
         self._publish(running=not outcome)
         self._wait.begin()
         if outcome:
-            self._end(outcome)
+            failed = outcome == "failed"
+            self._end(outcome, self.task.why_failed(moved, true, self._episode.touchdowns) if failed else "")
 
     def _end(self, outcome: str, reason: str = "") -> None:
         if self._x is not None:

@@ -12,6 +12,7 @@ from rabbit_common.ros.diagnostics import Diagnostics, Status
 from rabbit_common.ros.parameters import declare, refuse_unknown
 from rabbit_common.ros.qos import TICK
 from rabbit_common.ros.simulator_follower import SimulatorFollower
+from rabbit_description.user_code import fault_in_user_code
 from rabbit_msgs import msg
 from rl_cbf_clf_controller.ros import policies
 from rl_cbf_clf_controller.weights import PolicyFileError
@@ -88,7 +89,10 @@ class TaskNode(SimulatorFollower):
             self._controlling = policy
             self._rider.begin(policy)
         self._rider.ticks.interrupt()  # nothing is learned here
-        moment = self._rider.moment(self._controlling, turn[1] * self.task.seconds, x, p, noise)
+        try:
+            moment = self._rider.moment(self._controlling, turn[1] * self.task.seconds, x, p, noise)
+        except Exception as error:  # a controller of the task's own may raise anything
+            raise ValueError(fault_in_user_code(error) or str(error)) from error
         if moment.decided is not None and not moment.decided.solved:
             raise ValueError(f"no solver answered: {moment.decided.status}")
         if not np.isfinite(moment.u).all():

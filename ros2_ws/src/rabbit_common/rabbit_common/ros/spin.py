@@ -7,6 +7,8 @@ import time
 from collections.abc import Callable
 
 import rclpy
+from rabbit_description.plugins import PluginError
+from rabbit_description.user_code import fault_in_user_code
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.experimental import EventsExecutor
@@ -43,19 +45,23 @@ def run(make: Callable[[], Node], errors: tuple[type[Exception], ...] = (), *, g
     for number in _SIGNALS:
         signal.signal(number, lambda got, _: signals.append(got))
     signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)  # in this thread, and in those that it starts meanwhile
-    unusable: tuple[type[Exception], ...] = (StartError, ParameterError, *errors)
+    unusable: tuple[type[Exception], ...] = (StartError, ParameterError, PluginError, *errors)
     try:
         initialise()
         node = make()
         if gives_way:
             give_way()
         guard_services(node)
-    except unusable as error:
-        print("error:", " ".join(str(error).split()), file=sys.stderr)
+    except Exception as error:
+        where = str(error) if isinstance(error, unusable) else fault_in_user_code(error)
+        if not where:
+            raise
+        print("error:", " ".join(where.split()), file=sys.stderr)
         sys.exit(2)
     gc.freeze()  # what is there by now stays: looking through it again would hold up a tick
     executor = EventsExecutor()
     executor.add_node(node)
+    crashed = ""
     try:
         executor.spin_once(0.0)  # starts the executor's threads
         signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
@@ -64,13 +70,16 @@ def run(make: Callable[[], Node], errors: tuple[type[Exception], ...] = (), *, g
         deadline = time.monotonic() + _LAST_WORK
         while getattr(node, "busy", bool)() and time.monotonic() < deadline:
             executor.spin_once(_LOOK_UP)
+    except Exception as error:
+        if not (crashed := fault_in_user_code(error) or ""):
+            raise
     finally:
         getattr(node, "close", lambda: None)()
         end = time.monotonic() + _DELIVERY
         for publisher in node.publishers:  # which takes with it what its readers do not have yet
             publisher.wait_for_all_acked(Duration(seconds=max(0.0, end - time.monotonic())))
         failed = 0
-        if failure := getattr(node, "failure", ""):
+        if failure := crashed or getattr(node, "failure", ""):
             failed = getattr(node, "failure_code", 2)
             print(f"error: {failure}", file=sys.stderr)
         end_within(_MIDDLEWARE, failed or int(sys.exc_info()[0] is not None))

@@ -24,7 +24,9 @@ app = typer.Typer(add_completion=False)
 class EvaluationOptions(WalkOptions):
     """Options of `rabbit evaluate` besides those of plant and controller."""
 
-    out: Path = Field(description="folder for runs.csv, violations.csv, summary.json")
+    out: Path | None = Field(
+        None, description="folder for runs.csv, violations.csv, summary.json (default: runs/evaluate-KEY, one for each)"
+    )
     jobs: int = Field(
         default_factory=lambda: os.cpu_count() or 1, ge=1, le=4096, description="processes (default: all cores)"
     )
@@ -47,14 +49,15 @@ def evaluate(given: Given) -> None:
 
     print(what_walks(assembly.controller, assembly.simulation, assembly.policy), flush=True)
     scenario, about = Scenario(assembly, request.runs, request.seed), describe(assembly, request.seed)
+    out = request.out or Path("runs", f"evaluate-{about['key'][:8]}")
     with complaints(ResultsError):
-        folder = ResultsFolder(own_folder(request.out, "evaluate"), about, request.overwrite)
+        folder = ResultsFolder(own_folder(out, "evaluate"), about, request.overwrite)
     results, made = walk_all(scenario, folder, request.jobs, request.batch)
     show(conclude(scenario, folder, results, about))
-    print(f"{made} runs made; written {request.out}")
+    print(f"{made} runs made; written {out}")
     if request.pictures:
-        scenario.recorded.write(scenario.recorded.do(), request.out / RECORDS)  # the first run again, the same
-        for path in load("rabbit.pictures", "recording")(request.out):  # of rabbit_viewer, which imports this package
+        scenario.recorded.write(scenario.recorded.do(), out / RECORDS)  # the first run again, the same
+        for path in load("rabbit.pictures", "recording")(out):  # of rabbit_viewer, which imports this package
             print(f"drawn {path}")
 
 

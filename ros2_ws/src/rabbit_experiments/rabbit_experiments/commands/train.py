@@ -23,7 +23,7 @@ app = typer.Typer(add_completion=False)
 class SessionOptions(TuningOptions):
     """Options of `rabbit train` besides those of learner, controller and plant."""
 
-    out: Path = Field(description="folder of the session; one that was stopped there goes on")
+    out: Path = Field(Path("runs/train"), description="folder of the session; one that was stopped there goes on")
     paper_literal: bool = Field(False, description="DDPG as the paper states it, in place of the one that works")
 
 

@@ -1,0 +1,84 @@
+"""What is wrong with a person's task is one line: the file, the line, its text. Higher relative degrees ride."""
+
+from pathlib import Path
+
+import pytest
+from own_cart import CART
+from own_systems import TaskError
+from own_systems.commands.system import app
+from own_systems.episode import Rider
+from own_systems.loading import load_task
+from own_systems.training import train
+from rabbit_bringup.cli import app as rabbit
+from typer.testing import CliRunner
+
+BALL = Path(__file__).resolve().parents[4] / "examples" / "ball_on_beam.py"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('"mass": 1.0', '"mass": 1 / 0', 'line 9: ZeroDivisionError: division by zero: `nominal={"mass": 1 / 0}'),
+        ("import casadi as ca\n", "\n", "line 5: NameError: name 'ca' is not defined"),
+        ("import casadi as ca", "import nosuch as ca", "line 2: ModuleNotFoundError: No module named 'nosuch'"),
+        ("TASK =", "TASK ==", "line 6: NameError: name 'TASK' is not defined"),
+        ("x, v, u, mass,", "x, v u, mass,", "line 5: SyntaxError: invalid syntax"),
+        ("limit=20.0", "limt=20.0", "line 6: TypeError: "),
+        (
+            '"mass": 1.0',
+            '"mas": 1.0',
+            "line 6: TaskError: nominal = mas: expected one of mass, target (did you mean mass?)",
+        ),
+        ("commands=lambda rng: lambda t: {", "commands=lambda rng: lambda t: 1 / 0 or {", "line 10: ZeroDivisionError"),
+        ("limit=20.0", "limit=20.0, objective=lambda terms: terms.nothing", "line 8: AttributeError"),
+        ("poles=(4.0, 4.0)", "poles=(4.0,)", ": wall: derivative 1 does not depend on u"),
+        ("poles=(4.0, 4.0)", "poles=(4.0, 4.0, 4.0)", ": wall: relative degree 2, but 3 was given"),
+        (
+            "Clf(x - target)",
+            "Clf(x - target, gains=(1.0,))",
+            ": the outputs of the CLF: derivative 1 does not depend on u",
+        ),
+        ("Clf(x - target)", "Clf(x - target, gains=(-1.0, 1.0))", ": gains = [-1.0, 1.0] do not stabilise"),
+    ],
+)
+def test_an_error_in_a_task_names_file_and_line(tmp_path: Path, old: str, new: str, said: str) -> None:
+    path = tmp_path / "cart.py"
+    assert old in CART
+    path.write_text(CART.replace(old, new))
+    with pytest.raises(TaskError) as error:
+        load_task(str(path))
+    assert str(path) in str(error.value)
+    assert said in str(error.value)
+    assert "\n" not in str(error.value)
+    result = CliRunner().invoke(app, ["evaluate", str(path), "--rides", "1"])
+    assert result.exit_code == 2
+    assert result.output.count("\n") == 1
+    assert said.rstrip("`") in result.output
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line"),
+    [
+        ('lambda t: {"target": 1.2}', 'lambda t: {"target": 1.2 if t < 0.1 else 1 / 0}', 10),
+        ("limit=20.0,", "limit=20.0, plant=lambda x, p, u: 1 / 0,", 8),
+    ],
+)
+def test_an_error_in_the_middle_of_a_ride_too(tmp_path: Path, old: str, new: str, line: int) -> None:
+    path = tmp_path / "cart.py"
+    path.write_text(CART.replace(old, new))
+    result = CliRunner().invoke(rabbit, ["system", "evaluate", str(path), "--rides", "1"])
+    assert result.exit_code == 2
+    assert f"{path}, line {line}: ZeroDivisionError: division by zero: `" in result.output
+    assert result.output.count("\n") == 1
+
+
+def test_a_barrier_of_degree_4_is_kept_by_the_oracle_and_nothing_is_learned_of_it() -> None:
+    """A ball on a beam: the oracle meets the row of the true ball, the nominal controller that of its model."""
+    task = load_task(str(BALL))
+    rider = Rider(task)
+    nominal, oracle = (rider.ride(controller, 1) for controller in ("nominal", "oracle"))
+    assert (nominal.outcome, oracle.outcome) == ("done", "done")
+    assert nominal.margins[0] < -0.05
+    assert 0 <= oracle.margins[0] < 0.005  # it comes near
+    with pytest.raises(ValueError, match="one difference measures relative degrees 1 and 2 only"):
+        train(task, 1)
