@@ -69,6 +69,16 @@ def test_bent_links_are_walked_and_found(make_assembly: MakeAssembly) -> None:
     assert records[-1].output.identified[KNOWN.index("hip_offset")] == pytest.approx(0.05, abs=0.005)
 
 
+@pytest.mark.parametrize("seed", [1, 2])
+def test_ground_that_gives_way_is_no_wrong_angle(seed: int) -> None:
+    """The nominal controller walks this ground; `best` found offsets of some hundredths of a rad, and fell."""
+    soft = SimulationParameters(mass_scale=2.0, ground_stiffness=5e4, ground_damping=2e3, motor_lag=0.004, stones=10)
+    records: list[Record] = []
+    assert walk(Assembly(soft, load_parameters("best"), "zero"), 0, seed, records.append).row.success
+    offsets = slice(KNOWN.index("hip_offset"), KNOWN.index("knee_offset") + 1)
+    assert not records[-1].output.identified[offsets].any()
+
+
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_noisy_rates_do_not_make_the_legs_light(seed: int) -> None:
     """Noise in the regressors pulls what is found towards none, and does not average out."""

@@ -16,10 +16,10 @@ Ground that gives way moves the stance foot, too: it sinks as the load comes and
 for what an offset does to the foot's velocity goes with the joints' rates throughout the step; but the least squares
 make one of it all the same. So the offsets count only where the foot stands, that is as long as the mean square of the
 innovations, of what the offsets of the tick before leave of the foot's velocity, is below STILL^2. With bent links, on
-rubber and on ground of 2e4 N/m that is damped as rubber is, it is; on ground of 1e5 N/m with 2e3 N s/m it passes MOVING^2
-within five ticks. Between the two the offsets fade out. They do not come back in that episode. Noise of the rates is no
-motion: by the legs' lengths it puts 2.4 sigma^2 into the foot's velocity, and twice that is forgiven, for sigma is
-known from a few ticks at first.
+rubber and on ground of 2e4 N/m that is damped as rubber is, it is; on ground of 1e5 N/m with 2e3 N s/m it passes
+MOVING^2 within five ticks. Between the two the offsets fade out. They do not come back in that episode. Noise of the
+rates is no motion: by the legs' lengths it puts 2.4 sigma^2 into the foot's velocity, and twice that is forgiven, for
+sigma is known from a few ticks at first.
 """
 
 from collections.abc import Mapping
