@@ -64,6 +64,10 @@ class HardwareNode(SimulatorNode):
 
     # What comes in
 
+    def _on_fault(self, reason: str) -> None:
+        super()._on_fault(reason)
+        self._rest()
+
     def _on_joints(self, message: JointState) -> None:
         self._take("joint_states", message, joints_of(message, ACTUATED))
 

@@ -67,10 +67,7 @@ class SimulatorFollower(CheckedNode):
         self.simulator = words[0].sender
         self.get_logger().warning(f"follows {named(self.simulator)}: {named(before)} does not answer")
         for word in words:
-            try:
-                self._take_episode(word)
-            except Refused as error:
-                self._refuse("episode", error)
+            self._guarded("episode", self._take_episode)(word)
 
 
 def named(sender: str | None) -> str:
