@@ -13,8 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 BENEATH = 10  # by so much the listeners are lower
-NICE = 5  # of nodes that can wait: a third of an ordinary one's share where both want the processor
-SESSION = Path("/proc/self/autogroup")
+NICE = 10  # of nodes that can wait
 
 
 def take_priority(priority: int, warn: Callable[[str], object]) -> None:
@@ -40,14 +39,9 @@ def take_listeners_priority(priority: int, warn: Callable[[str], object]) -> Non
 def give_way() -> None:
     """Let the calling thread, and those that it starts, go behind ordinary ones. It needs no permission.
 
-    Call it once the middleware's threads run: those share locks with other processes. Where the kernel shares
-    processors between sessions (autogroup), niceness counts only within one. So a session that is ours alone, as
-    the launcher gives one to each node, steps back as a whole.
+    Call it once the middleware's threads run: those share locks with other processes.
     """
     os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICE)
-    if os.getsid(0) == os.getpid():
-        with contextlib.suppress(OSError):
-            SESSION.write_text(str(NICE))
 
 
 def scheduling() -> str:
