@@ -8,12 +8,11 @@ whatever their priority; so all processes of a graph need one, those that only l
 
 import contextlib
 import os
-import threading
 from collections.abc import Callable
 from pathlib import Path
 
 BENEATH = 10  # by so much the listeners are lower
-NICE = 10  # of nodes that can wait
+NICE = 10  # by so much are nodes nicer that can wait
 
 
 def take_priority(priority: int, warn: Callable[[str], object]) -> None:
@@ -41,7 +40,7 @@ def give_way() -> None:
 
     Call it once the middleware's threads run: those share locks with other processes.
     """
-    os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICE)
+    os.nice(NICE)
 
 
 def scheduling() -> str:

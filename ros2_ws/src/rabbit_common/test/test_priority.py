@@ -68,7 +68,8 @@ def test_who_gives_way_does_so_with_the_threads_to_come() -> None:
     code = """
 import os, threading
 from rabbit_common.priority import give_way
-def nice(found): found.append(os.getpriority(os.PRIO_PROCESS, threading.get_native_id()))
+begun = os.nice(0)
+def nice(found): found.append(os.nice(0) - begun)
 go, before, after, own = threading.Event(), [], [], []
 early = threading.Thread(target=lambda: go.wait() and nice(before))
 early.start()
