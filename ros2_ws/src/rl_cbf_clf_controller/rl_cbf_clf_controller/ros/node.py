@@ -52,7 +52,7 @@ class ControllerNode(SimulatorFollower):
         super().__init__("controller")
         self._sender = f"{self.get_fully_qualified_name()} {secrets.token_hex(8)}"[-128:]
         own = declare(self, NodeParameters)
-        self._settings = declare(self, Settings, dynamic=DYNAMIC)
+        self._settings: ControllerParameters = declare(self, Settings, dynamic=DYNAMIC)
         refuse_unknown(self)
         take_priority(own.priority, self.get_logger().warning)
         self._gait = load_gaits(self._settings.gait)
