@@ -48,8 +48,8 @@ class HardwareParameters(NodeParameters):
         0.015, gt=0.01, le=0.1, description="a longer tick by the sensors' stamps stops the robot, s"
     )
     largest_skew: float = Field(0.012, gt=0, le=0.1, description="sensors farther apart in time stop the robot, s")
-    frozen_turn: float = Field(
-        0.3, gt=0, le=6.3, description="an encoder that says the same while the robot turns so far stops it, rad"
+    frozen_time: float = Field(
+        0.045, gt=0, le=10, description="an encoder that says the same for longer while the robot turns stops it, s"
     )
 
 
@@ -73,7 +73,7 @@ class Hardware(Plant):
         self._tick, self._clear = -1, [False, False]
         self._ramped_from: float | None = None
         self._observed = self.at
-        self._at_limit, self._encoders = np.zeros(len(ACTUATED)), EncoderWatch(self._p.frozen_turn)
+        self._at_limit, self._encoders = np.zeros(len(ACTUATED)), EncoderWatch(self._p.frozen_time)
 
     def set_stones(self, spans: Sequence[Span]) -> None:
         """They lie where they lie."""
@@ -121,7 +121,7 @@ class Hardware(Plant):
             ("joint limits", beyond, angles, f"rad; expected {p.joint_low:g} to {p.joint_high:g}"),
             ("joint rate", np.abs(rates) > p.joint_rate, rates, f"rad/s; expected at most {p.joint_rate:g}"),
             ("torque limit", self._at_limit > p.limit_time, self._at_limit, f"s; expected at most {p.limit_time:g}"),
-            ("frozen encoders", self._encoders.are_frozen, self._encoders.turned, "rad that the robot turned"),
+            ("frozen encoders", self._encoders.are_frozen, self._encoders.turned, "rad of which they said nothing"),
         )
         for name, wrong, values, words in checks:
             if wrong.any():

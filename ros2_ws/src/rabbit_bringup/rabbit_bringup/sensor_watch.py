@@ -7,6 +7,7 @@ from rabbit_description.state import ACTUATED, TICK_NANOSECONDS, Array, BodySens
 
 JITTER = 0.1  # of a tick, by which its sensors' stamps may come early
 SECOND = 1_000_000_000  # ns
+TURNS = 0.5  # rad/s, above which the robot moves
 
 
 class SensorClock:
@@ -55,22 +56,23 @@ class SensorClock:
 
 
 class EncoderWatch:
-    """How far the robot has `turned` since each encoder's angle last changed, (4,), rad: by the fastest of its joints
-    and its torso."""
+    """For how long each encoder's angle has been the same, `still` (4,), s, and how far the robot has turned meanwhile,
+    `turned` (4,), rad: by the fastest of its joints and its torso."""
 
-    def __init__(self, frozen_turn: float) -> None:
-        self._frozen_turn, self._angles = frozen_turn, np.full(len(ACTUATED), np.nan)
-        self.turned = np.zeros(len(ACTUATED))
+    def __init__(self, frozen_time: float) -> None:
+        self._frozen_time, self._angles = frozen_time, np.full(len(ACTUATED), np.nan)
+        self.still = self.turned = np.zeros(len(ACTUATED))
 
     def see(self, sensors: BodySensors, seconds: float) -> None:
         """What they say so many s later."""
         rate = max(abs(sensors.pitch_rate), float(np.abs(sensors.joint_rates).max()))
         is_same = sensors.joint_angles == self._angles
+        self.still = np.where(is_same, self.still + seconds, 0.0)
         self.turned = np.where(is_same, self.turned + rate * seconds, 0.0)
         self._angles = sensors.joint_angles
 
     @property
     def are_frozen(self) -> Array:
         """Which are, (4,)."""
-        frozen: Array = self.turned > self._frozen_turn
+        frozen: Array = (self.still > self._frozen_time) & (self.turned > TURNS * self.still)
         return frozen
