@@ -46,7 +46,7 @@ def test_the_first_one_walks_on_and_the_second_one_plays_nothing(make_world: Any
     expected, got = alone.hear("episode")[-1], world.hear("episode")[-1]
     assert (got.outcome, got.tick) == (expected.outcome, expected.tick)
     states = [[s.applied for s in each.hear("state") if s.tick] for each in (alone, world)]
-    np.testing.assert_array_equal(*states)
+    np.testing.assert_array_equal(states[0], states[1])
     first, second = sorted({e.sender for e in world.hear("episode")})
     assert got.sender == first
     assert {s.sender for s in world.hear("state")} == {first}
