@@ -9,7 +9,7 @@ import pytest
 from rabbit_experiments.evaluation import SeededRun, Walk
 from rabbit_experiments.metrics import RunResult, RunRow
 from rabbit_experiments.summary import Walks
-from rabbit_reproduce.catalogue import EXPERIMENTS
+from rabbit_reproduce.catalogue import EXPERIMENTS, higher_gain
 from rabbit_reproduce.catalogue.higher_gain import ENGINES, WHO, HigherGain
 from rabbit_reproduce.controllers import AT_ITS_BEST
 from rabbit_reproduce.experiment import Experiment
@@ -55,6 +55,14 @@ def test_the_nominal_controller_at_its_best_learned_and_identifies_nothing(terra
     assert assembly.controller.adaptation == "none"
     assert not assembly.controller.learns
     assert assembly.controller.terrain == terrain
+
+
+def test_each_row_of_the_table_names_its_plant(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(higher_gain, "long_table", lambda *_: None)
+    found: Any = SimpleNamespace(size=FULL, walks=lambda *_: Walks([WALKED]))
+    table, _ = HigherGain().tables(found)
+    assert len({row[:2] for row in table.rows}) == len(table.rows)
+    assert table.rows[0][0] == "mass scale of the true robot: 0.5"
 
 
 def test_a_curve_is_the_share_walked() -> None:

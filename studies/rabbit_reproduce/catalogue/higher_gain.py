@@ -61,7 +61,7 @@ class HigherGain(Experiment):
         """A row for each plant and engine, a column for each controller; then all figures."""
         rows = [
             (
-                self.axis[field].format(f"{value:g}"),
+                f"{self.axis[field]}: {value:g}",
                 found.size.title(engine),
                 *(found.walks(self.by_key[who, field, value], engine).rate_text for who in WHO),
             )
