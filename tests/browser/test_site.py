@@ -64,5 +64,5 @@ def test_every_link_opens_a_page_or_a_file(chromium: Chromium, address: str) -> 
         each for each in links if (parts := each.partition("#"))[0] in anchors and parts[2] not in anchors[parts[0]]
     ]
     assert not dead
-    assert len(anchors) > 100
+    assert len(anchors) > 80
     print(f"{len(links)} links, {len(anchors)} pages, {len(files)} files")
