@@ -56,7 +56,7 @@ class Layout:
     @property
     def hard(self) -> list[int]:
         """Which rows have no slack, by number."""
-        numbers: list[int] = (~self.of_slacks.any(axis=1)).nonzero()[0].tolist()
+        numbers: list[int] = np.flatnonzero(~self.of_slacks.any(axis=1)).tolist()
         return numbers
 
     @cached_property

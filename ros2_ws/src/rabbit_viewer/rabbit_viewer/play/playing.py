@@ -183,7 +183,7 @@ def play(make: Callable[[Any, Send], Playing], send: Send, start: Any, wishes: "
     except Exception as error:  # a file that is named may raise anything
         send("fail", str(error) if isinstance(error, PlayError) else reason_of(error))
         return
-    take = guarded(player.take, lambda reason, _: player.say("note", {"text": reason}))
+    take = guarded(player.take, lambda reason, asked: player.say("note", {"text": reason}))
     now = due = shown = time.monotonic()
     with closing(player):
         player.tick()  # so that something is seen
