@@ -131,15 +131,15 @@ def test_another_policy_is_another_evaluation(tmp_path: Path) -> None:
         (("--runs", 0), ("--runs 0", "greater than or equal to 1")),
         (("--mass-scale", 50), ("--mass-scale 50", "10")),
         (("--eps", "nan"), ("--eps nan",)),
-        (("--plant", "bullet"), ("--plant bullet", "'pybullet' or 'rigid'")),
-        (("--controller", "pid"), ("--controller pid", "'cbf-clf-qp'")),
+        (("--plant", "bullet"), ("--plant bullet", "expected one of pybullet, mujoco, rigid (did you mean pybullet?)")),
+        (("--controller", "pid"), ("--controller pid", "expected one of cbf-clf-qp, clf-qp,")),
         (("--terrain", "flat"), ("--terrain flat", "stones")),
         (("--policy", "nobody"), ("--policy nobody", "zero, oracle")),
         (("--gait", "nobody"), ("gait", "nobody", "expected one of authors_035")),
         (("--course", "nowhere.csv"), ("nowhere.csv", "cannot be read")),
         (("--parameters", "nowhere.yaml"), ("nowhere.yaml",)),
         (("--torque-delay", 0.0005), ("torque_delay", "multiple of 0.001")),
-        (("--stone-placement", "here"), ("--stone-placement here", "'relative' or 'absolute'")),
+        (("--stone-placement", "here"), ("--stone-placement here", "expected one of relative, absolute")),
     ],
 )
 def test_a_bad_value_ends_in_one_line(tmp_path: Path, words: tuple[object, ...], told: tuple[str, ...]) -> None:
@@ -158,9 +158,9 @@ def test_a_policy_for_another_problem_is_refused(tmp_path: Path) -> None:
         assert text in done.stderr
 
 
-def test_without_a_folder_nothing_is_done() -> None:
-    done = rabbit("evaluate", "--runs", 1)
-    assert (done.exit_code, "--out" in done.stderr) == (2, True)
+def test_without_a_folder_another_error_is_still_told() -> None:
+    done = rabbit("evaluate", "--runs", 1, "--plant", "bullet")
+    assert (done.exit_code, "--plant bullet" in done.stderr) == (2, True)
 
 
 def test_a_wrong_value_in_a_parameter_file_is_told_with_the_file(tmp_path: Path) -> None:

@@ -108,6 +108,6 @@ def test_every_command_is_listed_and_others_are_not_known() -> None:
 
 def test_loading_a_policy_without_ros_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "rabbit_common.ros.client", None)  # as if it could not be imported
-    refused = rabbit("policy", "load", "nowhere")
+    refused = rabbit("policy", "load", "zero")
     assert (refused.exit_code, refused.stderr.count("\n")) == (1, 1)
     assert "source ros2_ws/install/setup.bash" in refused.stderr

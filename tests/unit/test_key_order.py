@@ -62,7 +62,7 @@ def reader(path: Path) -> Callable[[Path], Any]:
     if path.parent.parent.name == "rl_cbf_clf_controller":
         return lambda file: [load_parameters(file, terrain) for terrain in ("stones", "flat")]
     own = {"storm.yaml": drawn(Storm), "families.yaml": drawn(Families)}
-    by_name = {"claims.yaml", "graph.yaml", "rosbag2_qos.yaml"}  # of which each value is looked up
+    by_name = {"claims.yaml", "controllers.yaml", "graph.yaml", "rosbag2_qos.yaml"}  # of which each value is looked up
     assert path.name in own or path.name in by_name, f"{path}: expected a reader here"
     return own.get(path.name, read_mapping)
 
