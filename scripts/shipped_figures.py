@@ -12,6 +12,7 @@ from shipped_tables import (
     HIGH_GAIN,
     MAPS,
     PAPER,
+    SCALES,
     STONES,
     TEN,
     TUNED,
@@ -24,6 +25,10 @@ from shipped_tables import (
     interval,
     large,
     large_table,
+    lost,
+    masses_table,
+    of_masses,
+    of_twenty,
     on_both,
     p_values,
     points,
@@ -38,7 +43,7 @@ from shipped_tables import (
     where,
 )
 
-LARGE = "benchmark_mujoco"
+LARGE, MASSES = "benchmark_mujoco", "studies/docs/tuning.md#half-twice-and-thrice-the-mass"
 FOR_TERRAINS = {"stones": STONES, "flat": FLAT}
 
 
@@ -54,15 +59,17 @@ def pages() -> dict[str, Page]:
 
 def readme() -> Page:
     """What is said first."""
-    half, thrice = gains()["mass scale 0.5"], gains()["mass scale 3"]
+    best, tuned = ({scale: of_masses(scale, who) for scale in SCALES} for who in ("best", "nominal_tuned"))
     scales = [float(plant.split()[-1]) for plant, each in gains().items() if "kg" not in plant and each[TUNED][0] >= 18]
     (every, nominal, learned, _), beyond = rides()
     return Page(
         [
-            f"Of 20 such courses the nominal one walks [{half[TUNED][0]}](studies/docs/tuning.md#what-learning-buys) "
-            f"and "
-            f"`best` {half[BEST][0]}",
-            f"Of 20 others they walk {thrice[TUNED][0]} and {thrice[BEST][0]}.",
+            f"the nominal one walks [{tuned['0.5'][0]} in PyBullet and {tuned['0.5'][1]} in MuJoCo]({MASSES}), "
+            f"`best` {best['0.5'][0]} and {best['0.5'][1]}.",
+            f"of which they walk {tuned['3'][0]} and {best['3'][0]}: of twenty others "
+            f"{of_twenty('3', 'nominal_tuned')} and {of_twenty('3', 'best')} in 95 of 100 cases.",
+            f"[{best['0.5'][0]}, {best['2'][0]} and {best['3'][0]} of 200 courses]({MASSES}), in MuJoCo "
+            f"{best['0.5'][1]}, {best['2'][1]} and {best['3'][1]}.",
             f"walks there too, from {min(scales):g} to {max(scales):g} times the mass",
             f"Of the paper's claims {verdicts()['reproduced']} hold here; against the best gain "
             f"[{verdicts()['fallen']} of",
@@ -96,7 +103,8 @@ def results() -> Page:
             f"{counts['not']} do not, and {counts['shows nothing']} show nothing. Of the {counts['reproduced']}, "
             f"{counts['fallen']} fall",
             f"does not, at any of {len(gains())} masses and payloads. `best`, which identifies the robot, walks all "
-            f"{sum(each[BEST][0] for each in gains().values())} courses there",
+            f"{sum(each[BEST][0] for each in gains().values())} courses of one seed there and, at thrice the mass, "
+            f"{of_masses('3', 'best')[0]} of 200 of another",
             f"`best` walks [{unseen('best', 'unseen')} of {courses('unseen_mujoco', 'unseen')} courses]",
             f"a tuned nominal controller {unseen('nominal-tuned', 'unseen')}.",
             f"`best` walks {unseen('mixture', 'unseen')}; that share was found on development plants of these "
@@ -329,12 +337,14 @@ def tuning() -> Page:
     assert best[0] == best[1]
     return Page(
         [
-            f"`best` walks all {best[0]} courses in both engines",
+            f"`best` walks all {best[0]} courses of this seed in both engines",
+            "It loses {} in PyBullet, of which {} are walked by nobody and {} with 300 N m;".format(*lost("pybullet")),
+            "it loses {} in MuJoCo, of which {} are walked by nobody and {} with 300 N m.".format(*lost("mujoco")),
             f"It walks more courses than both nominal settings at {more[0]} of {len(gains())} points in PyBullet and "
             f"at "
             f"{more[1]} of {len(gains())} in MuJoCo",
         ],
-        {"gains": gains_table()},
+        {"gains": gains_table(), "masses": masses_table()},
         elsewhere={
             "(20 of 20:": "Wilson's interval of any count",
             "880 of 880": "the same command at 18179806",

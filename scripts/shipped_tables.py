@@ -10,8 +10,9 @@ from functools import cache, partial
 
 from common import ROOT
 from rabbit_benchmark.cells import TERRAINS, Map, cells
-from rabbit_benchmark.comparison import holm
+from rabbit_benchmark.comparison import holm, of_so_many
 from rabbit_benchmark.table import Table
+from rabbit_experiments.summary import wilson
 from rabbit_experiments.tables import markdown_table
 
 DATA = ROOT / "studies" / "docs" / "data"
@@ -199,6 +200,54 @@ def gains_table() -> str:
     """Courses walked in both engines."""
     lines = [[plant, *(f"{each[name][0]}; {each[name][1]}" for name in GAINS)] for plant, each in gains().items()]
     return markdown_table(["", *GAINS], lines)
+
+
+ENGINES, SCALES = {"pybullet": "PyBullet", "mujoco": "MuJoCo"}, ("0.5", "2", "3")
+
+
+@cache
+def mass_courses(plant: str, scale: str, parameters: str, torque_limit: str = "200") -> dict[int, bool]:
+    """Whether each course of the seed that `rabbit evaluate` takes was walked, by the number of the run."""
+    asked = {"plant": plant, "mass_scale": scale, "parameters": parameters, "torque_limit": torque_limit}
+    with (DATA / "mass_courses.csv").open(encoding="utf-8", newline="") as file:
+        (row,) = (row for row in csv.DictReader(file) if asked.items() <= row.items())
+    runs = map(int, row["runs"].split()) if row["runs"] else range(len(row["by_course"]))
+    return {run: end == "w" for run, end in zip(runs, row["by_course"], strict=True)}
+
+
+def of_masses(scale: str, parameters: str) -> list[int]:
+    """Courses walked in PyBullet and in MuJoCo."""
+    return [sum(mass_courses(plant, scale, parameters).values()) for plant in ENGINES]
+
+
+def of_twenty(scale: str, parameters: str) -> str:
+    """Between how many of twenty other courses are walked in PyBullet, with a probability of 95%."""
+    ends = mass_courses("pybullet", scale, parameters)
+    return "{} to {}".format(*of_so_many(20, sum(ends.values()), len(ends)))
+
+
+def masses_table() -> str:
+    """Courses walked in both engines, with Wilson's intervals."""
+    lines = []
+    for scale in SCALES:
+        cells_ = []
+        for parameters in ("best", "nominal_tuned"):
+            for plant in ENGINES:
+                ends = mass_courses(plant, scale, parameters)
+                low, high = wilson(sum(ends.values()), len(ends))
+                cells_.append(f"{sum(ends.values())} ({low:.2f} to {high:.2f})")
+        lines.append([scale, *cells_])
+    heads = [f"{who}, {engine}" for who in ("`best`", "nominal at its best") for engine in ENGINES.values()]
+    return markdown_table(["mass scale", *heads], lines)
+
+
+def lost(plant: str) -> tuple[int, int, int]:
+    """Courses that `best` loses at thrice the mass: all; those that nobody walks; those that it walks with 300 N m."""
+    ends = mass_courses(plant, "3", "best")
+    runs = [run for run, is_walked in ends.items() if not is_walked]
+    others = mass_courses(plant, "3", "oracle-slopes"), mass_courses(plant, "3", "nominal_tuned")
+    stronger = mass_courses(plant, "3", "best", "300")
+    return len(runs), sum(not any(each[run] for each in others) for run in runs), sum(stronger[run] for run in runs)
 
 
 def verdicts() -> dict[str, int]:

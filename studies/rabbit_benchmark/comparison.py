@@ -44,3 +44,12 @@ def holm(p_values: Sequence[float]) -> list[float]:
         largest = max(largest, min(1.0, (len(p_values) - rank) * p_values[index]))
         adjusted[index] = largest
     return adjusted
+
+
+def of_so_many(others: int, walked: int, courses: int) -> tuple[int, int]:
+    """Between how many of so many `others` are walked with a probability of 95%, where `walked` of `courses` were.
+
+    The beta-binomial distribution, from Jeffreys' prior of the share walked.
+    """
+    found = stats.betabinom(others, walked + 0.5, courses - walked + 0.5)
+    return int(found.ppf(0.025)), int(found.ppf(0.975))

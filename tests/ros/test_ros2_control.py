@@ -21,6 +21,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool
 
+from .test_fuzz_graph import SENT, Stranger, faults
+
 STAND_IN = Path(__file__).parents[1] / "shared" / "ros2_control_stand_in.py"
 GAIT = "stones_0350_084"
 PATIENT = 30.0  # s of the wall clock: on a busy machine a torque may take long, and the stand-in waits for it
@@ -33,26 +35,32 @@ Start = Callable[..., "subprocess.Popen[str]"]
 @pytest.fixture
 def start(world: Any) -> Iterator[Start]:
     """Starts stand-in, guard, bridge and controller, and enables the robot; `commands` of the world are what it is
-    sent. `patience`: the time-outs of drives, guard and bridge."""
+    sent. `patience`: the time-outs of drives, guard and bridge; `meet`: what comes before the robot."""
     processes: list[subprocess.Popen[str]] = []
     world.commands = []
     world.node.create_subscription(Float64MultiArray, "commands", world.commands.append, 10)
 
     def make(
-        stones: int, wrong: str = "", wrong_from: int = 0, patience: float = PATIENT, **own: Any
+        stones: int,
+        wrong: str = "",
+        wrong_from: int = 0,
+        patience: float = PATIENT,
+        meet: Callable[[], object] = lambda: None,
+        **own: Any,
     ) -> "subprocess.Popen[str]":
         plant = {"stones": stones, "motor_lag": 0.004}
         asked = {"plant": plant, "gait": GAIT, "seed": 1, "pace": 1, "waits": True, "seconds": 200}
         asked |= {"timeout": patience, "wrong": wrong, "wrong_from": wrong_from}
         space = ("--ros-args", "-r", f"__ns:=/{world.namespace}")
-        robot = subprocess.Popen(
-            [sys.executable, STAND_IN, json.dumps(asked), *space], stdout=subprocess.PIPE, text=True
-        )
-        processes.append(robot)
         world.processes.start("guard", (*space, "-p", f"timeout:={patience}"), "command_guard", "rabbit_bringup")
         parameters = {"stones": stones, "gait": GAIT, "stale": patience, "answer_timeout": 60.0, "held_ticks": 1000}
         words = [word for name, value in {**parameters, **own}.items() for word in ("-p", f"{name}:={value}")]
         world.processes.start("bridge", (*space, *words), "ros2_control", "rabbit_bringup")
+        meet()
+        robot = subprocess.Popen(
+            [sys.executable, STAND_IN, json.dumps(asked), *space], stdout=subprocess.PIPE, text=True
+        )
+        processes.append(robot)
         world.start("controller", controller="cbf-clf-qp", objective="pd_centred", gait=GAIT)
         said = world.hear("diagnostics")
         world.wait(lambda: any(s.name.endswith("/controller") and s.level == s.OK for m in said for s in m.status))
@@ -88,6 +96,22 @@ def test_the_robot_walks_through_standard_topics_alone(world: Any, start: Start,
     assert figures is not None
     assert figures["damped"] == 0
     assert figures["response_ms"]["p50"] > 0
+
+
+@pytest.mark.timeout(3600)
+def test_strangers_before_the_robot_change_nothing(world: Any, start: Start) -> None:
+    """Hostile messages and requests for bridge and guard, stamps of the far future among them; then it walks."""
+
+    def meet() -> None:
+        stranger = Stranger(world, ["ros2_control", "command_guard"])
+        stranger.sends(SENT, seed=1)
+        stranger.makes_good()
+        assert not any(any(message.data) for message in world.commands)
+
+    start(3, meet=meet)
+    end = ended(world)
+    assert (end.outcome, end.touchdowns) == ("walked", 3)
+    assert faults(world) == []
 
 
 def test_it_stops_where_the_sensors_fall_silent(world: Any, start: Start) -> None:

@@ -97,9 +97,11 @@ def test_with_a_labs_sensors_the_state_is_the_estimators(root_world: Any) -> Non
 
 
 def test_ros2_control_in_the_simulators_place(root_world: Any) -> None:
-    root_world.processes.start("simulator", (), "ros2_control", "rabbit_bringup")
-    rights = enclaves()["/rabbit/ros2_control"]["simulator"]
-    assert settled(root_world, "simulator", rights) == rights
+    for name in ("ros2_control", "command_guard"):
+        root_world.processes.start(name, (), name, "rabbit_bringup")
+    for name in ("ros2_control", "command_guard"):
+        rights = enclaves()[f"/rabbit/{name}"][name]
+        assert settled(root_world, name, rights) == rights, name
 
 
 def test_a_viewer_that_may_control_calls_three_services_more(root_world: Any) -> None:

@@ -2,15 +2,20 @@
 
 It hears `state` and `parameters` and makes the controller's ticks again, so its transitions, and the policy after all
 episodes, have the bits of those of `own_systems.training.train`. A tick with an impact, or after which another input
-was applied, counts for nothing. It learns once an episode has ended; the simulator, which follows it, waits meanwhile.
+was applied, counts for nothing. It learns once an episode has ended, in a thread, so that services are answered; the
+simulator, which follows it, waits meanwhile.
 """
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 import numpy as np
 from cbf_clf_qp.functions import Array
 from pydantic import BaseModel, ConfigDict, Field
+from rabbit_common.guard import guarded, reason_of
 from rabbit_common.message_checks import Refused, array_of
 from rabbit_common.ros.diagnostics import OK, Diagnostics, Status
 from rabbit_common.ros.parameters import declare, refuse_unknown
@@ -19,7 +24,7 @@ from rabbit_common.ros.simulator_follower import SimulatorFollower
 from rabbit_common.ros.spin import run
 from rabbit_msgs import msg
 from rl_cbf_clf_controller.policy import ActorPolicy
-from rl_trainer.training import Trainer
+from rl_trainer.training import Stopped, Trainer
 
 from own_systems.episode import NOMINAL, Rider, beginning
 from own_systems.loading import load_task
@@ -56,6 +61,7 @@ class TrainerNode(SimulatorFollower):
         self._policies = self.create_publisher(msg.PolicyWeights, "policy", WEIGHTS)
         self._plans = self.create_publisher(msg.EpisodePlan, "episode_plan", EVENT)
         self._diagnostics = Diagnostics(self, self._message_counter, self._status)
+        self._learning: Thread | None = None  # after an episode
         self._begin()
         self._hear_simulator(msg.RobotState, "state", self._on_state, TICK)
         self._hear_simulator(msg.TaskParameters, "parameters", self._on_parameters, TICK)
@@ -91,6 +97,8 @@ class TrainerNode(SimulatorFollower):
         self._message_counter.accept("episode")
 
     def _check(self, message: Any) -> None:
+        if self._learning:
+            raise Refused("wrong episode", f"episode {message.episode}; expected none while it learns")
         if message.episode != (expected := self._trainer.episode + 1):
             raise Refused("wrong episode", f"episode {message.episode}; expected {expected}")
 
@@ -131,7 +139,22 @@ class TrainerNode(SimulatorFollower):
     def _learn(self) -> None:
         for transition in self._rider.ticks.transitions:
             self._trainer.take(transition)
-        self._trainer.learn_episode()
+        self._learning = Thread(target=self._learn_in_thread, name="learning", daemon=True)
+        self._learning.start()
+
+    def _learn_in_thread(self) -> None:
+        then: Callable[[], None] = guarded(self._go_to_next, self._on_fault)
+        try:
+            self._trainer.learn_episode()
+        except Stopped:
+            return
+        except BaseException as error:  # a learner may be another package's
+            then = partial(self._on_fault, reason_of(error))
+        if self.executor is not None:
+            self.executor.create_task(then)
+
+    def _go_to_next(self) -> None:
+        self._learning = None
         self.get_logger().info(f"episode {self._trainer.episode}: {len(self._rider.ticks.transitions)} transitions")
         if self._trainer.episode < self._own.episodes:
             self._begin()
@@ -140,6 +163,12 @@ class TrainerNode(SimulatorFollower):
         policy.file.write(Path(self._own.path))
         self._publish(policy)
         self.get_logger().info(f"policy {policy.version} in {self._own.path}")
+
+    def close(self) -> None:
+        """Learn no more."""
+        self._trainer.stop.set()
+        if self._learning:
+            self._learning.join(timeout=5.0)
 
     def _status(self) -> Status:
         return OK, f"episode {self._trainer.episode + 1}", {"transitions": self._trainer.transitions}

@@ -61,7 +61,8 @@ def load(
             if timeout is None and not client.others():
                 where = f"no graph in namespace {client.node.get_namespace()}"
                 fail(f"{where}: start one with `rabbit walk`, or wait for one with --timeout", NOBODY)
-            print(f"waiting for {service}, {patience:g} s at most", file=sys.stderr, flush=True)
+            if patience > PATIENCE:
+                print(f"waiting for {service}, {patience:g} s at most", file=sys.stderr, flush=True)
         answer = client.ask("load_policy", patience, policy=policy)
         if answer is None:
             fail(f"no answer from {service} after {patience:g} s: is the graph running?", NOBODY)

@@ -12,7 +12,7 @@ from own_systems.training import train
 from rabbit_bringup.cli import app as rabbit
 from typer.testing import CliRunner
 
-BALL = Path(__file__).resolve().parents[4] / "examples" / "ball_on_beam.py"
+BALL = Path(__file__).resolve().parents[2] / "examples" / "ball_on_beam.py"
 
 
 @pytest.mark.parametrize(
