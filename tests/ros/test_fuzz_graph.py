@@ -170,7 +170,7 @@ def test_the_graph_of_a_task(world: Any) -> None:
     episodes, nodes = world.hear("episode"), ["simulator", "controller", "trainer"]
     start_own(world, "controller")
     start_own(world, "trainer", episodes=10_000, path=world.folder / "policy.safetensors")
-    start_own(world, "simulator", episodes=100_000, readers=2)
+    start_own(world, "simulator", episodes=100_000, readers=2, trainer="follow")
     stranger = Stranger(world, nodes)
     stranger.sends(SENT, seed=1)
     stranger.makes_good()
