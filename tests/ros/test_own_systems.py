@@ -1,5 +1,6 @@
 """Tasks of one's own through nodes: the same inputs as in process, swaps, refusals, and a filter before a robot."""
 
+import copy
 import dataclasses
 import json
 import subprocess
@@ -257,3 +258,29 @@ def test_the_graph_learns_what_is_learned_in_process(world: Any, name: str) -> N
     expected, _ = train(load_task(task), 1, episodes=2)
     world.wait(path.exists)
     assert read(path).version == expected.version
+
+
+def test_a_trainer_that_was_led_astray_or_came_late_finds_the_episode_again(world: Any) -> None:
+    task, episodes = str(EXAMPLES / "segway.py"), hear(world, msg.Episode, "episode", EVENT)
+    path = world.folder / "policy.safetensors"
+    words = world.node.create_publisher(msg.Episode, "episode", EVENT)
+    start(world, "controller", task=task)
+    start(world, "simulator", task=task, episodes=1000, readers=2, trainer="follow")
+    start(world, "trainer", task=task, episodes=1000, path=str(path))
+
+    def walks_on() -> None:
+        world.wait(lambda: any(each.phase == msg.Episode.RUNNING for each in episodes))
+        then = max(each.episode for each in episodes if each.phase == msg.Episode.RUNNING) + 2
+        world.wait(lambda: any((e.phase, e.episode) == (msg.Episode.ENDED, then) for e in episodes))
+
+    world.wait(lambda: any((each.phase, each.episode) == (msg.Episode.ENDED, 2) for each in episodes))
+    lie = copy.deepcopy(episodes[-1])
+    lie.episode, lie.phase = 77, msg.Episode.ENDED
+    words.publish(lie)
+    world.wait(lambda: any(each.episode == 77 for each in episodes))
+    episodes.clear()
+    walks_on()
+    world.processes.stop(["trainer"])
+    start(world, "trainer", task=task, episodes=1000, path=str(path))
+    episodes.clear()
+    walks_on()

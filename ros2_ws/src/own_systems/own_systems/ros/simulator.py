@@ -126,6 +126,8 @@ class SimulatorNode(CheckedNode):
             is_open = self._episode.episode < self._own.episodes and self._others.may_play
             if is_open and self._is_heard() and self._is_planned():
                 self._begin()
+            elif is_open and not self._is_planned() and self._wait.is_reminder_due():
+                self._announce(self._episode.phase)
         elif not self._own.real_time and self._wait.seconds > self._own.answer_timeout:
             self._end("silent", f"no torque for tick {self._episode.tick} in {self._own.answer_timeout:g} s")
         elif not self._own.real_time and self._wait.is_reminder_due():

@@ -62,6 +62,7 @@ class TrainerNode(SimulatorFollower):
         self._plans = self.create_publisher(msg.EpisodePlan, "episode_plan", EVENT)
         self._diagnostics = Diagnostics(self, self._message_counter, self._status)
         self._learning: Thread | None = None  # after an episode
+        self._after = 0  # the simulator's episode before the planned one
         self._begin()
         self._hear_simulator(msg.RobotState, "state", self._on_state, TICK)
         self._hear_simulator(msg.TaskParameters, "parameters", self._on_parameters, TICK)
@@ -91,33 +92,54 @@ class TrainerNode(SimulatorFollower):
         self._go_on()
 
     def _on_episode(self, message: msg.Episode) -> None:
-        if message.phase == msg.Episode.ENDED and message.outcome not in ("done", "failed"):
-            self._check(message)
-            self._learn()
+        """What no tick says: an episode broke off, or ticks of it are lost, or the simulator stands elsewhere.
+
+        It announces an end again where it waits for a plan.
+        """
+        is_over = message.phase in (msg.Episode.ENDED, msg.Episode.WAITING)
+        if self._learning:
+            self._after = message.episode if is_over else self._after
+        elif message.phase == msg.Episode.ENDED and message.episode == self._after + 1:
+            if self._is_over or message.outcome not in ("done", "failed"):
+                self._learn()
+            self._is_over = True
+        elif is_over and not self._is_done and (message.episode != self._after or not (self._tick or self._states)):
+            if message.episode != self._after:
+                self.get_logger().warning(f"expects episode {message.episode + 1} in place of {self._after + 1}")
+            self._after = message.episode
+            self._listen()
         self._message_counter.accept("episode")
 
     def _check(self, message: Any) -> None:
-        if self._learning:
-            raise Refused("wrong episode", f"episode {message.episode}; expected none while it learns")
-        if message.episode != (expected := self._trainer.episode + 1):
-            raise Refused("wrong episode", f"episode {message.episode}; expected {expected}")
+        if self._learning or self._is_done:
+            raise Refused("wrong episode", f"episode {message.episode}; expected none")
+        if message.episode != self._after + 1:
+            raise Refused("wrong episode", f"episode {message.episode}; expected {self._after + 1}")
+
+    @property
+    def _is_done(self) -> bool:
+        return self._trainer.episode >= self._own.episodes
 
     # The episode
 
     def _begin(self) -> None:
         """Plan the next one."""
-        self._plan, number = self._trainer.begin_episode(), self._trainer.episode
+        self._plan = self._trainer.begin_episode()
+        if isinstance(self._plan.policy, ActorPolicy):
+            self._publish(self._plan.policy)
+        self._listen()
+
+    def _listen(self) -> None:
+        """Publish the plan, and expect its first tick."""
+        self._is_over = False  # its end was announced
         self._states, self._p, self._tick = dict[int, tuple[Array, Array, int]](), dict[int, Array](), 0
         self._u, self._impacts = np.zeros(0), 0  # the newest input; impacts before it
         self._end = -1  # how many ticks the episode had, once that is known
         self._exploring = beginning(self.task, self._plan.seed)[2]
         self._rider.begin(self._plan.policy)
-        version = NOMINAL
-        if isinstance(self._plan.policy, ActorPolicy):
-            version = self._plan.policy.version
-            self._publish(self._plan.policy)
+        version = self._plan.policy.version if isinstance(self._plan.policy, ActorPolicy) else NOMINAL
         how = {"seed": self._plan.seed, "sigma": self._plan.sigma, "policy_version": version}
-        self._plans.publish(msg.EpisodePlan(after_episode=number, **how))
+        self._plans.publish(msg.EpisodePlan(after_episode=self._after, **how))
 
     def _publish(self, policy: ActorPolicy) -> None:
         weights = msg.PolicyWeights(version=policy.version, source="trainer", data=policy.file.encode())
@@ -137,6 +159,7 @@ class TrainerNode(SimulatorFollower):
             self._learn()
 
     def _learn(self) -> None:
+        self._after += 1
         for transition in self._rider.ticks.transitions:
             self._trainer.take(transition)
         self._learning = Thread(target=self._learn_in_thread, name="learning", daemon=True)
@@ -156,7 +179,7 @@ class TrainerNode(SimulatorFollower):
     def _go_to_next(self) -> None:
         self._learning = None
         self.get_logger().info(f"episode {self._trainer.episode}: {len(self._rider.ticks.transitions)} transitions")
-        if self._trainer.episode < self._own.episodes:
+        if not self._is_done:
             self._begin()
             return
         policy = ActorPolicy(self._trainer.policy_file())
