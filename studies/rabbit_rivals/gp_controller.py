@@ -7,14 +7,13 @@
 mean is the nominal value and the GP's mean, affine in mu; the squared deviation is the GP's variance, quadratic in mu.
 """
 
-import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from cbf_clf_qp.answer import Decided
+from cbf_clf_qp.answer import Solver
 from cbf_clf_qp.estimates import Estimates
-from cbf_clf_qp.functions import Array
+from cbf_clf_qp.functions import Array, Values
 from pydantic import Field
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.policy import Policy
@@ -51,7 +50,7 @@ class GpAbout(About):
 
 
 class GpPolicy(Policy):
-    """A GP for each quantity: its mean as alpha and beta; `deviations` of the last tick, (5, 5) each.
+    """A GP for each quantity: its mean as alpha and beta; `deviations` of the last tick, (5, 5) each, and `slopes` (5, 4) over mu.
 
     |deviation [1, mu]| is the standard deviation of the quantity's error, in its unit.
     """
@@ -73,7 +72,7 @@ class GpPolicy(Policy):
             )
             for i in range(len(file.about.quantities))
         ]
-        self.deviations: list[Array] = []
+        self.deviations, self.slopes = list[Array](), np.zeros((0, 4))
 
     def estimate(self, scene: Scene, before: Estimates) -> Estimates:
         """The means at a tick."""
@@ -86,7 +85,38 @@ class GpPolicy(Policy):
             factor = np.linalg.cholesky(covariance + TINY * np.eye(len(mean)))
             self.deviations.append(size * factor.T * self._to_mu)
         found = np.array(means)
+        self.slopes = scene.seen.nominal_a + found[:, 1:]
         return Estimates(found[:, 1:], found[:, 0])
+
+
+class ConeSolver:
+    """Solves a tick's programme with the margins that the GPs of its controller ask for."""
+
+    def __init__(self, controller: "GpController") -> None:
+        self._controller = controller
+
+    def reset(self) -> None:
+        """Nothing is kept."""
+
+    def solve(self, data: Values) -> tuple[Array, Array, float, str]:
+        """See `Solver`; an answer has no multipliers, so no KKT residual tells whether it counts."""
+        layout = self._controller.qp.layout
+        x, is_solved, status = cone_programme.solve(data, layout, self._factors(data))
+        return x, np.zeros(len(layout.names)), np.inf if is_solved else 0.0, status
+
+    def _factors(self, data: Values) -> dict[int, Array]:
+        """The margin of each row of the quantities, in the QP's scaling."""
+        policy, layout, p = self._controller.policy, self._controller.qp.layout, self._controller.parameters
+        of_row = combinations(self._controller.qp.names, p.friction_coeff - p.friction_margin)
+        factors: dict[int, Array] = {}
+        for i, name in enumerate(layout.names):
+            if name in of_row and policy.confidence:
+                weights = of_row[name]
+                scaled = np.linalg.norm(data.A[i, : layout.inputs])
+                norm = np.linalg.norm(weights @ policy.slopes) / scaled if scaled else 1.0
+                parts = [weight * policy.deviations[k] for k, weight in enumerate(weights) if weight]
+                factors[i] = policy.confidence / norm * np.concatenate(parts)
+        return factors
 
 
 class GpController(Controller):
@@ -94,29 +124,13 @@ class GpController(Controller):
 
     policy: GpPolicy
 
-    def decide(self, scene: Scene) -> Decided:
-        """mu at a tick."""
-        start = time.perf_counter()
-        self.estimates = self.policy.estimate(scene, self.qp.no_error())
-        self.parts = [self.estimates]
-        qp, layout = self.qp.programme(scene.x, scene.p, self.estimates), self.qp.layout
-        factors = self._factors(qp, scene.seen.nominal_a + self.estimates.alpha)
-        x, is_solved, status = cone_programme.solve(qp, layout, factors)
-        values = self.qp.answer.reading(qp.row, x, np.zeros(len(layout.names)))
-        return Decided(values, layout, is_solved, "clarabel", status, time.perf_counter() - start)
+    def __init__(self, *parts: Any) -> None:
+        super().__init__(*parts)
+        self.solvers = ("clarabel",)
 
-    def _factors(self, qp: Any, slopes: Array) -> dict[int, Array]:
-        """The margin of each row of the quantities, in the QP's scaling; `slopes` (n, 4) are theirs over mu."""
-        of_row = combinations(self.qp.names, self.parameters.friction_coeff - self.parameters.friction_margin)
-        factors: dict[int, Array] = {}
-        for i, name in enumerate(self.qp.layout.names):
-            if name in of_row and self.policy.confidence:
-                weights = of_row[name]
-                scaled = np.linalg.norm(qp.A[i, : self.qp.layout.inputs])
-                norm = np.linalg.norm(weights @ slopes) / scaled if scaled else 1.0
-                parts = [weight * self.policy.deviations[k] for k, weight in enumerate(weights) if weight]
-                factors[i] = self.policy.confidence / norm * np.concatenate(parts)
-        return factors
+    def make_solver(self, name: str) -> Solver:
+        """The cone programme's."""
+        return ConeSolver(self)
 
 
 def combinations(quantities: tuple[str, ...], friction_coeff: float) -> dict[str, Array]:

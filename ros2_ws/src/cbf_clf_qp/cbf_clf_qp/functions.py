@@ -55,6 +55,11 @@ def view(place: slice, shape: tuple[int, ...]) -> property:
     return property(lambda values: values.row[last].reshape(values.row.shape[:-1] + shape))
 
 
+def values_type(places: Mapping[str, Place]) -> type[Values]:
+    """Of rows with arrays at these places."""
+    return type("Values", (Values,), {name: view(*place) for name, place in places.items()})
+
+
 class NumpyFunction:
     """A CasADi `function` that returns one row, with memory of its own: one object serves one thread.
 
@@ -70,7 +75,12 @@ class NumpyFunction:
         for i, (argument, *_) in enumerate(self.arguments):
             self._buffer.set_arg(i, argument.data)  # type: ignore[call-arg]  # casadi's stub is of C++
         self._buffer.set_res(0, self.row.data)  # type: ignore[call-arg]
-        self.values = type("Values", (Values,), {name: view(*place) for name, place in places.items()})
+        self.values = values_type(places)
+
+    @property
+    def fastest(self) -> ca.Function:
+        """The function, compiled if it is."""
+        return self.function
 
     @classmethod
     @one_at_a_time

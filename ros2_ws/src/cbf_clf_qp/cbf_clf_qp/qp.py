@@ -26,7 +26,6 @@ import numpy as np
 from cbf_clf_qp.affine import Affine, inverse
 from cbf_clf_qp.functions import Array
 from cbf_clf_qp.quantity import Number, Rows
-from cbf_clf_qp.system import solved
 
 ROUNDING = 1e-6  # a slack or a margin below this is the solver's tolerance
 UNBOUNDED = 1e30  # what the solvers take for infinity
@@ -150,21 +149,6 @@ def broken(value: ca.SX, lower: ca.SX, upper: ca.SX, layout: Layout) -> ca.SX:
     size, has_both = 1 + ca.fmin(ca.fabs(lower), ca.fabs(upper)), ca.fmax(-lower, upper) < UNBOUNDED
     widths = ca.if_else(has_both, ca.fmax(upper - lower, CLOSEST * size), size)
     return ca.fmax(0, ca.mmax(ca.fmax(value - upper, lower - value) / widths))
-
-
-def polished(data: dict[str, ca.SX], x: ca.SX, y: ca.SX, layout: Layout) -> tuple[ca.SX, ca.SX]:
-    """The exact solution if those rows are active that seem to be, A_a x = b:  A_a A_a' y_a = -(2 b + A_a q)."""
-    A, q, lower, upper = ca.project(data["A"], layout.of_A), data["q"], data["lower"], data["upper"]
-    value = A @ x
-    at_upper = upper - value < y
-    active = ca.logic_or(at_upper, value - lower < -y)
-    A_a = ca.diag(active) @ A
-    b = ca.if_else(active, ca.if_else(at_upper, upper, lower), 0)
-    matrix, right = A_a @ A_a.T + ca.diag(1 - active), -(2 * b + A_a @ q)
-    exact = solved(matrix, right)
-    exact += solved(matrix, right - matrix @ exact)  # what rounding has left
-    exists = is_finite(exact)
-    return ca.if_else(exists, -0.5 * (q + A_a.T @ exact), x), ca.if_else(exists, exact, y)
 
 
 def is_finite(values: ca.SX) -> ca.SX:

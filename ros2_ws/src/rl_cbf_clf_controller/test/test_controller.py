@@ -82,7 +82,7 @@ def test_which_qp_has_which_rows(controller, changes, names):
 def test_the_robot_is_symmetric():
     """With legs and names swapped the torque is the same but for the legs' order."""
     left, right = make(), make()
-    right._step.stance = Leg.RIGHT
+    right.memory.stance[:] = Leg.RIGHT
     torque = left.step(state()).torque
     mirrored = right.step(state(swap=True, contact=np.array([False, True]))).torque
     assert mirrored == pytest.approx(torque[SWAP_TORQUE], abs=1e-9)
@@ -333,7 +333,7 @@ def test_a_torque_whose_change_costs_much_hardly_changes():
 @pytest.mark.parametrize(("late_torque", "margin"), [(0.37, 0.005), (0.47, 0.01), (0.8, 0.015)])
 def test_a_stone_gets_narrower_as_far_as_torque_is_found_late(late_torque, margin):
     walking = make("rl-cbf-clf-qp", adaptation="identification", objective="pd_centred", late_margin=0.01)
-    walking._robot.known.lateness[:] = lateness(ca.DM(late_torque))
+    walking.memory.known[walking.functions.known["lateness"][0]] = lateness(ca.DM(late_torque))
     walking.step(state())
     seen = make("rl-cbf-clf-qp", stone_margin=margin)
     seen.step(state())

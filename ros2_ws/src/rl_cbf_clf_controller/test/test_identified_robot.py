@@ -16,7 +16,8 @@ from rl_cbf_clf_controller.identified_robot import (
     NOISE_WEIGHT,
     PITCH,
     SETTLING,
-    IdentifiedRobots,
+    after_tick,
+    first_known,
     rate_variance,
 )
 from rl_cbf_clf_controller.parameters import ParameterError, load_parameters
@@ -39,15 +40,32 @@ def state_of(q, dq):
     return RobotState(0, q, dq, np.zeros((2, 2)), np.zeros(2, bool), 0, StonePreview(1, 0.35, 0.40))
 
 
-def learns(adaptation, scene, tick, torque=TORQUE, force=STANDING):
-    """What it says at the same state with other sensors."""
-    return adaptation.estimate(np.array([tick]), scene.x[None], scene.p[None], force[None], torque[None])[0]
+class Identified:
+    """A robot of which nothing is known at first."""
+
+    def __init__(self):
+        self._robot = read_robot()
+        self._after = after_tick(self._robot, gives_way=False)
+        self.reset()
+
+    def reset(self):
+        first = first_known(self._robot).values()
+        self.known = self._after.values(np.concatenate([np.ravel(value) for value in first]))
+
+    def learns(self, scene, tick, torque=TORQUE, force=STANDING):
+        """What it says at the same state with other sensors."""
+        sensed = np.array([tick]), scene.x, force, torque
+        self.known = self._after(self.known.row, *sensed, self._robot.joints, self._robot.feet)
+        return scene.error_of(self.known.numbers)
+
+    @property
+    def shown(self):
+        return np.concatenate([self.known.used, self.known.offsets, self.known.doubts[:1]])
 
 
 def adapting(state):
     """A scene and a robot of which nothing is known."""
-    own = controller(adaptation="identification")
-    return own.look(state_of(*state)), own._robot
+    return controller(adaptation="identification").look(state_of(*state)), Identified()
 
 
 @pytest.mark.parametrize(
@@ -62,8 +80,8 @@ def adapting(state):
 def test_only_pinned_ticks_count(state, wrong):
     here, adaptation = adapting(state)
     for tick in range(7):
-        learns(adaptation, here, tick)
-    learns(adaptation, here, **{"tick": 7, **wrong})
+        adaptation.learns(here, tick)
+    adaptation.learns(here, **{"tick": 7, **wrong})
     assert adaptation.known.standing == 0
     assert adaptation.known.share == 1
 
@@ -74,7 +92,7 @@ def test_after_a_bounce_it_waits_again(state):
     learned = []
     for tick in range(12):
         before = adaptation.shown
-        learns(adaptation, here, tick, force=np.zeros((2, 2)) if tick == 6 else STANDING)
+        adaptation.learns(here, tick, force=np.zeros((2, 2)) if tick == 6 else STANDING)
         learned.append(not np.array_equal(adaptation.shown, before))
     assert [tick for tick in range(12) if learned[tick]] == [3, 4, 5, 9, 10, 11]
 
@@ -83,27 +101,27 @@ def test_at_first_the_robot_is_the_nominal_one(state):
     """So nothing is added to the policy's estimates; and again, in another episode."""
     here, adaptation = adapting(state)
     first = adaptation.shown
-    estimates = learns(adaptation, here, 0, np.full(4, np.nan))
+    estimates = adaptation.learns(here, 0, np.full(4, np.nan))
     assert estimates.alpha == pytest.approx(0, abs=1e-9)
     assert estimates.beta == pytest.approx(0, abs=1e-7)
-    assert first.shape == (1, len(KNOWN))
-    assert first[0, SIZE:].tolist() == [0.0, 0.0, 0.0]
+    assert first.shape == (len(KNOWN),)
+    assert first[SIZE:].tolist() == [0.0, 0.0, 0.0]
     for tick in range(1, 9):
-        learns(adaptation, here, tick)
+        adaptation.learns(here, tick)
     assert not np.array_equal(adaptation.shown, first)
     adaptation.reset()
     np.testing.assert_array_equal(adaptation.shown, first)
 
 
 def fed(
-    adaptation: IdentifiedRobots, scene: Scene, pitch: np.ndarray, rates: np.ndarray, pause_every: int = 10**9
+    adaptation: Identified, scene: Scene, pitch: np.ndarray, rates: np.ndarray, pause_every: int = 10**9
 ) -> float:
     """The variance of the rates' errors found from pitches, rad, and rates, rad/s, with a flight now and then."""
     for tick, (angle, rate) in enumerate(zip(pitch, rates, strict=True)):
         x = scene.x.copy()
         x[PITCH], x[DOF + PITCH] = angle, rate
         force = STANDING if tick % pause_every else np.zeros((2, 2))
-        learns(adaptation, replace(scene, x=x), tick, force=force)
+        adaptation.learns(replace(scene, x=x), tick, force=force)
     return rate_variance(adaptation.known.errors.item(), adaptation.known.differences.item())
 
 

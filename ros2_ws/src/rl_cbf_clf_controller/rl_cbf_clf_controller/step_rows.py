@@ -1,0 +1,50 @@
+"""The step of N robots: memory, readings and reports as arrays with a row for each; see `step.py`."""
+
+import numpy as np
+from cbf_clf_qp.functions import NumpyFunction
+from rabbit_description.state import Array
+
+from rl_cbf_clf_controller.step import ESTIMATES, StepFunctions
+
+
+class Bound:
+    """A function of rows, bound to the arrays that it reads: each call computes `row` anew, (N, size)."""
+
+    def __init__(self, function: NumpyFunction, *given: Array) -> None:
+        self._function, self._given = function, given
+        self.row = np.zeros((len(given[0]), function.row.size))
+        self._bind()
+
+    def _bind(self) -> None:
+        self._fastest = self._function.fastest
+        n = len(self.row)
+        self._buffer, self._evaluate = (self._fastest if n == 1 else self._fastest.map(n)).buffer()
+        for i, array in enumerate(self._given):
+            self._buffer.set_arg(i, array.reshape(-1).data)
+        self._buffer.set_res(0, self.row.reshape(-1).data)
+
+    def __call__(self) -> Array:
+        if self._function.fastest is not self._fastest:
+            self._bind()
+        self._evaluate()
+        return self.row
+
+
+class StepRows:
+    """Of `n` robots. One object serves one thread."""
+
+    def __init__(self, functions: StepFunctions, first: Array, n: int) -> None:
+        f, self.functions, self.n = functions, functions, n
+        self.memory, self.reading = np.tile(first, (n, 1)), np.zeros((n, f.reading.size))
+        self.settings, self.report = np.zeros((n, f.settings.size)), np.zeros((n, f.report.size))
+        self.stand = Bound(f.stand, self.memory, self.reading, self.settings)
+        self.see = Bound(f.see, self.memory, self.reading, self.settings, self.stand.row)
+        self.estimates = {name: np.zeros((n, size)) for name, size in f.estimate_sizes.items()}
+        known = [self.estimates[name] for name in ESTIMATES]
+        self.decide = Bound(f.decide, self.reading, self.settings, self.see.row, *known)
+        self.data = Bound(f.data, self.see.row, *known)
+        self.x, self.y = (np.zeros((n, f.finish.function.numel_in(name))) for name in ("x", "y"))
+        self.tolerance = np.zeros((n, 1))
+        answer = self.data.row, self.x, self.y, self.tolerance
+        self.finish = Bound(f.finish, self.reading, self.settings, self.see.row, *answer)
+        self.step = Bound(f.step, self.memory, self.reading, self.settings)
