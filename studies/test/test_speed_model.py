@@ -1,12 +1,17 @@
 """The model of the speed from step to step: the fit finds known coefficients, and walks explore."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
+from rabbit_description.gait import load_gaits
 from rabbit_experiments.assembly import AssemblyError
 from rabbit_gait_design.speed_model.fit import NAMES, SpeedModelError, errors, fitted, rows, without_mean
-from rabbit_gait_design.speed_model.walks import CHANGE, ExploringRegulation, Steps, exploring_walks
+from rabbit_gait_design.speed_model.walks import CHANGE, Explorer, Steps, exploring_walks
+from rl_cbf_clf_controller import step_outputs
 from rl_cbf_clf_controller.parameters import load_parameters
-from rl_cbf_clf_controller.speed_regulation import MOST, SpeedRegulation
+from rl_cbf_clf_controller.robot_numbers import read_robot
+from rl_cbf_clf_controller.speed_regulation import MOST
 
 TRUTH = np.array([0.6, -0.05, 0.15, -0.03])
 
@@ -65,18 +70,20 @@ def test_too_few_steps_are_refused() -> None:
         fitted(linear_plants(0.1, 1, plants=3))
 
 
-def test_a_regulation_that_explores_stays_within_the_library() -> None:
-    exploring = ExploringRegulation(-6.0, 6.0, np.random.default_rng(1))
-    plain, before, changes = SpeedRegulation(-6.0, 6.0), 0.0, []
-    for missing in np.random.default_rng(2).uniform(-2, 2, 200):
-        slope = exploring.after(missing, 0.0)
-        assert -6.0 <= slope <= 6.0
-        assert abs(slope - before) <= MOST + CHANGE + 1e-12
-        changes.append(slope - before)
-        before = slope
+def test_slopes_that_explore_stay_within_the_library_and_are_seen() -> None:
+    gaits = load_gaits("slopes")
+    steps, (q, dq), slopes = step_outputs.Steps(gaits, load_parameters("best"), read_robot()), gaits.x_start, [0.0]
+    explorer = Explorer(steps, np.random.default_rng(1))
+    for index, haste in enumerate(np.random.default_rng(2).uniform(0.7, 1.3, 200), 1):
+        steps.begin(np.concatenate([q, haste * dq]), 0.45)
+        explorer(SimpleNamespace(output=SimpleNamespace(step_index=index)))
+        slopes.append(steps.slope)
+    assert np.abs(slopes).max() <= gaits.slopes[-1]
+    changes = np.diff(slopes)
+    assert np.abs(changes).max() <= MOST + CHANGE + 1e-12
     assert np.std(changes) > CHANGE / np.sqrt(3)
-    assert exploring.slopes[0] == plain.slope
-    assert len(exploring.slopes) == len(exploring.speeds) == 200
+    assert explorer.seen.slopes == slopes[:-1]
+    assert explorer.seen.speeds == [steps.kept("speed")[0]] * 200, "each step is as long and takes as long"
 
 
 def test_a_walk_explores_and_a_gait_without_slopes_is_refused() -> None:

@@ -36,8 +36,6 @@ INNOCENT = {  # a 7 or a 4 that is none of the robot's: file, line, and what it 
     "rabbit_viewer/scene.py": {"linewidth": "points", "markersize": "points"},
     "rabbit_viewer/style.py": {"font.size": "points", "columns: int = 4": "of a legend"},
     "ros/policies.py": {"WAITING = 4": "policies"},
-    "step_outputs.py": {"(a + b) / 4": "of a Bézier curve of degree 4"},
-    "step_paths.py": {"NEWTON_STEPS = 4": "steps"},
 }
 
 

@@ -11,9 +11,9 @@ from rabbit_experiments.cache import Cache
 from rabbit_experiments.conditions import EVALUATION_LAG
 from rabbit_experiments.evaluation import SeededRun, episode, episode_seeds
 from rabbit_sim.parameters import SimulationParameters
+from rl_cbf_clf_controller import step_outputs
 from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_cbf_clf_controller.speed_regulation import SpeedRegulation
-from rl_cbf_clf_controller.step_outputs import LibrarySteps
+from rl_trainer.rollout import Record
 
 CHANGE = 2.0  # degrees, the largest
 STEPS = 40
@@ -32,19 +32,25 @@ class Steps(BaseModel):
 
 
 @dataclass
-class ExploringRegulation(SpeedRegulation):
-    """Changes each slope that the regulation chooses at random; `slopes` and `speeds` are of the steps that ended."""
+class Explorer:
+    """Changes each slope that the regulation chooses at random, as an observer; `seen` of the steps that ended."""
 
+    steps: step_outputs.Steps
     rng: np.random.Generator
-    slopes: list[float] = field(default_factory=list)
-    speeds: list[float] = field(default_factory=list)
+    seen: Steps = field(default_factory=lambda: Steps(slopes=[], speeds=[]))
 
-    def after(self, rate_missing: float, speed_missing: float) -> float:
-        """The chosen slope and up to CHANGE more or less, within the library's."""
-        self.slopes.append(self.slope)
-        self.speeds.append(-speed_missing)
-        self.slope = self._clip(super().after(rate_missing, speed_missing) + self.rng.uniform(-CHANGE, CHANGE))
-        return self.slope
+    def __post_init__(self) -> None:
+        self.draw()
+
+    def draw(self) -> None:
+        """What is added at the next touchdown."""
+        self.steps.slope_change = self.rng.uniform(-CHANGE, CHANGE)
+
+    def __call__(self, record: Record) -> None:
+        if record.output.step_index > len(self.seen.slopes):
+            self.seen.slopes.append(float(self.steps.kept("slopes")[1]))
+            self.seen.speeds.append(float(self.steps.kept("speed")[0]))
+            self.draw()
 
 
 @dataclass(frozen=True)
@@ -56,16 +62,13 @@ class ExploringWalk(SeededRun):
     def do(self) -> Steps:
         simulation, controller = self.assembly.build()
         try:
-            steps = controller.steps
-            if not isinstance(steps, LibrarySteps):
+            if controller.steps.shape.slopes == 1:
                 raise AssemblyError("gait", f"{self.assembly.controller.gait}: expected a library with slopes")
-            rng = np.random.default_rng([self.seed, 1])
-            exploring = ExploringRegulation(steps.regulation.least, steps.regulation.most, rng)
-            steps.regulation = exploring
-            episode(simulation, controller, self.seed)
+            explorer = Explorer(controller.steps, np.random.default_rng([self.seed, 1]))
+            episode(simulation, controller, self.seed, explorer)
         finally:
             simulation.close()
-        return Steps(slopes=exploring.slopes, speeds=exploring.speeds)
+        return explorer.seen
 
 
 def exploring_walks(plants: int, seed: int, tuning: ControllerParameters) -> list[list[ExploringWalk]]:

@@ -1,6 +1,6 @@
-// The desired path of each step: the gait's own, or found in a library. As step_outputs.py and step_paths.py.
+// The desired path of each step: the gait's own, or found in a library. As step_begin.py and step_paths.py.
 
-const FADED = 0.5, LEAST_WIDTH = 0.1, LEAST_RATE = 0.5; // of the correction, see step_outputs.py
+const FADED = 0.5, LEAST_WIDTH = 0.1, LEAST_RATE = 0.5; // of the correction, see step_begin.py
 
 export class Steps {
   // `gait`: lengths, and of each length Bezier coefficients (4 x 6) and the phase angles at both ends

@@ -134,7 +134,7 @@ def by_daqp(data: ca.MX, places: Mapping[str, Place]) -> tuple[ca.MX, ca.MX]:
     turned = ca.horzsplit(ca.reshape(entries, columns, rows * many), rows)  # A' of each
     hessian = 2 * ca.DM.eye(columns)
     shapes = {"h": hessian.sparsity(), "a": ca.Sparsity.dense(rows, columns)}
-    solve = ca.conic("daqp", "daqp", shapes, {"error_on_fail": False, "daqp": {"primal_tol": 1e-11}}).map(many)
+    solve = ca.conic("daqp", "daqp", shapes, {"error_on_fail": False, "daqp": {"primal_tol": 1e-9}}).map(many)
     given = {"g": q, "a": ca.horzcat(*(each.T for each in turned)), "lba": lower, "uba": upper}
     free = UNBOUNDED * ca.DM.ones(q.shape)
     answer = solve(h=ca.repmat(hessian, 1, many), lbx=-free, ubx=free, **given)
@@ -158,7 +158,7 @@ class OsqpSolver:
     the programme is solved. If another thread took the signal, it is raised again and the programme is solved again.
     """
 
-    SETTINGS: ClassVar = {"eps_abs": 1e-7, "eps_rel": 1e-7, "polish_refine_iter": 10, "polishing": True, "verbose": False}
+    SETTINGS: ClassVar = {"eps_abs": 1e-6, "eps_rel": 1e-6, "check_termination": 10, "verbose": False}
 
     def __init__(self, layout: Layout) -> None:
         self._shape = layout.of_A.shape
@@ -170,11 +170,9 @@ class OsqpSolver:
         self._problem: Any = None
 
     def solve(self, data: Values) -> tuple[Array, Array, float, str]:
-        """See `Solver`. OSQP is not asked where the minimum without rows meets them all: its polishing would print."""
-        free, none = data.q * -0.5, np.zeros(len(data.upper))
-        value = data.A @ free
-        if not data.is_valid[0] or ((value >= data.lower).all() and (value <= data.upper).all()):
-            return free, none, TOLERANCE, "unconstrained" if data.is_valid[0] else INVALID
+        """See `Solver`."""
+        if not data.is_valid[0]:
+            return np.zeros(len(data.q)), np.zeros(len(data.upper)), TOLERANCE, INVALID
         entries = data.A[self._entries]
         if self._problem:
             self._problem.update(q=data.q, l=data.lower, u=data.upper, Ax=entries)
@@ -182,7 +180,7 @@ class OsqpSolver:
             self._set_up(data, entries)
         while (found := self._solved()).info.status == "interrupted":
             signal.raise_signal(signal.SIGINT)
-        return found.x, found.y, TOLERANCE, str(found.info.status)
+        return *exact(data, found.x, found.y), TOLERANCE, str(found.info.status)
 
     def _set_up(self, data: Values, entries: Array) -> None:
         import osqp  # half a second, with scipy
@@ -199,3 +197,17 @@ class OsqpSolver:
             return self._problem.solve(raise_error=False)
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
+
+
+def exact(data: Values, x: Array, y: Array) -> tuple[Array, Array]:
+    """The solution if those rows are active that seem to be at x, y: the x nearest to -q / 2 with A_a x = b."""
+    value = data.A @ x
+    at_upper = data.upper - value < y
+    active = at_upper | (value - data.lower < -y)
+    A, y, free = data.A[active], np.zeros(len(y)), -0.5 * data.q
+    if not active.any() or not np.isfinite(value).all():
+        return free, y
+    b = np.where(at_upper, data.upper, data.lower)[active]
+    x = free + np.linalg.lstsq(A, b - A @ free, rcond=None)[0]
+    y[active] = np.linalg.lstsq(A.T, 2 * (free - x), rcond=None)[0]
+    return x, y

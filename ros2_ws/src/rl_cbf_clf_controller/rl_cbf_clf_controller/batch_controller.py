@@ -5,7 +5,8 @@ A tick is `step.py`; here are the rows of numbers that it reads and leaves, the 
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
+from functools import cached_property
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
@@ -21,11 +22,11 @@ from rl_cbf_clf_controller.policy import LearnedPolicy, Policy, ZeroPolicy
 from rl_cbf_clf_controller.residual_policy import Memory, ResidualPolicy
 from rl_cbf_clf_controller.scene import ControllerError, Estimator, Scene
 from rl_cbf_clf_controller.step import (
+    DISAGREEMENT,
     DQ,
     FARTHEST_STONE,
     HIGHEST_STONE,
     NEVER,
-    NOT_FINITE,
     UNSOLVED,
     Q,
 )
@@ -36,6 +37,20 @@ if TYPE_CHECKING:
     from rl_cbf_clf_controller.parameters import ControllerParameters
 
 NO_NOISE = np.zeros(JOINTS)
+NO_STONE = (np.nan,) * 4
+BEGUN = (
+    "stance",
+    "index",
+    "start",
+    "seconds",
+    "has_begun",
+    "path",
+    "phase_scale",
+    "steps",
+    "place",
+    "moved",
+    "carries",
+)
 
 
 @dataclass
@@ -58,32 +73,117 @@ def refusing(errors: dict[int, str], i: int) -> Iterator[None]:
         errors.setdefault(i, f"controller error: {error}")
 
 
-@dataclass(frozen=True)
 class BatchOutput:
     """What a tick decides, a row a robot; see `ControllerOutput`. `torque` (N, 4): left/right order, saturated, N m.
 
-    `acted`: mu, mu_qp, omega, saturated and the policies; `parts`: the estimates of each estimator.
+    `errors`: why the controller refuses a robot's state, `faults`: why its episode must end, both by its number;
+    `omega` (N, 4): the noise; `parts`: the estimates of each estimator, None: those of the identified robot, if any.
     """
 
-    one: "Controller"
-    scene: BatchScene
-    torque: Array
-    decided: Decided
-    estimates: Estimates
-    acted: tuple[Any, ...]
-    parts: list[Estimates]
-    identified: Array
+    def __init__(
+        self,
+        one: "Controller",
+        report: Array,
+        reading: Array,
+        policies: list[Policy],
+        omega: Array,
+        answered: tuple[list[str], list[str], float],
+        errors: dict[int, str],
+        is_sound: bool,
+        parts: list[Estimates] | None = None,
+    ) -> None:
+        self._one, self._report, self._reading, self._policies, self.omega = one, report, reading, policies, omega
+        self._answered, self.errors, self._parts = answered, errors, parts
+        self.torque = report[:, one.places["command"]]
+        self.faults = {} if is_sound else self._faults()
 
     def __getitem__(self, i: int) -> ControllerOutput:
         """Of robot `i`."""
-        adapted = flat(self.parts[1][i]) if self.identified.size else NOTHING
-        parts = self.scene[i], self.act(i), self.decided[i], self.estimates[i]
-        return self.one.output_of(*parts, self.identified[i], adapted)
+        identified, adapted = NOTHING, NOTHING
+        if self._one.functions.identifies:
+            identified, adapted = self._part("identified")[i], flat(self.parts[1][i])
+        return self._one.output_of(self.scene[i], self.act(i), self.decided[i], self.estimates[i], identified, adapted)
 
     def act(self, i: int) -> Acted:
         """What acts on robot `i`."""
-        mu, mu_qp, omega, saturated, policies = (each[i] for each in self.acted)
-        return Acted(self.torque[i], mu, mu_qp, omega, bool(saturated), policies.version, self.scene.faults.get(i, ""))
+        row, at = self._report[i], self._one.acted_at
+        mu, mu_qp, saturated = row[at[0]], row[at[1]], row.item(at[2]) > 0
+        fault = self.faults.get(i, "")
+        return Acted(self.torque[i], mu, mu_qp, self.omega[i], saturated, self._policies[i].version, fault)
+
+    @cached_property
+    def scene(self) -> BatchScene:
+        """What was seen."""
+        return scene_of(self._one, self._report, self._reading, self.errors)
+
+    @cached_property
+    def decided(self) -> Decided:
+        """The answers to the QPs."""
+        answer, solved = self._one.functions.answer.values(self._part("answer")), self._part("solved")[:, 0] > 0
+        return Decided(answer, self._one.qp.layout, solved, *self._answered)
+
+    @cached_property
+    def parts(self) -> list[Estimates]:
+        """Estimates of the policy, of the identified robot, of the controller's own estimators."""
+        return self._parts or estimated(self._one, self._report)
+
+    @cached_property
+    def estimates(self) -> Estimates:
+        """In all."""
+        first, *others = self.parts
+        return sum(others, first)
+
+    def _part(self, name: str) -> Array:
+        return self._report[:, self._one.places[name]]
+
+    def _faults(self) -> dict[int, str]:
+        touchdowns, found = self._reading[:, 1], dict[int, str]()
+        for i in self._part("fault")[:, 0].nonzero()[0].tolist():
+            kind = int(self._part("fault")[i, 0])
+            if i in self.errors:
+                continue
+            if kind == DISAGREEMENT:
+                steps = self._part("index")[i].item()
+                found[i] = f"contact disagreement: {touchdowns[i]:g} touchdowns, {steps:g} steps"
+            elif kind == UNSOLVED:
+                found[i] = f"no solver answered: {self._answered[1][i]}"
+            else:
+                found[i] = f"torque not finite: {self._part('wanted')[i].tolist()} N m"
+        return found
+
+
+def estimated(one: "Controller", report: Array) -> list[Estimates]:
+    """Of no policy; then of the identified robots, where there are such."""
+    none = one.qp.no_error()
+    n, alpha, error = len(report), none.alpha.shape, one.functions.estimates["output_error"]
+    shapes = (n, *alpha), (n, alpha[0]), (n, alpha[1], error // alpha[1])
+    parts = [Estimates(*(np.zeros(shape) for shape in shapes))]
+    if one.functions.identifies:
+        found = (report[:, one.places[f"identified_{name}"]] for name in ("alpha", "beta", "output_error"))
+        parts.append(Estimates(*(each.reshape(shape) for each, shape in zip(found, shapes, strict=True))))
+    return parts
+
+
+def scene_of(one: "Controller", rows: Array, reading: Array, errors: dict[int, str]) -> BatchScene:
+    """Of rows that begin with those of a scene; `reading`: tick and touchdowns, (N, 2)."""
+    tick, touchdowns = reading.T
+    part = {name: rows[:, place] for name, (place, _) in one.functions.scene.places.items()}
+    index, seen = part["index"][:, 0].astype(int), one.functions.seen.values(part["seen"])
+    wrong = [i for i in (touchdowns != index).nonzero()[0].tolist() if i not in errors]
+    return BatchScene(
+        x=part["x"],
+        seen=seen,
+        force=part["force"].reshape(-1, 2, 2),
+        observation=seen.observation[:, : one.observed],
+        tick=tick.astype(int),
+        torque=part["torque"],
+        stance=part["stance"][:, 0].astype(int),
+        step_index=index,
+        step_time=part["step_time"][:, 0],
+        model_error=one.model_error,
+        errors=errors,
+        faults={i: f"contact disagreement: {touchdowns[i]:g} touchdowns, {index[i]} steps" for i in wrong},
+    )
 
 
 class BatchController:
@@ -96,7 +196,6 @@ class BatchController:
         n, tick = len(policies), controller.qp
         self._one, self.policies, self._n = controller, list(policies), n
         self._estimators = [[each.another() for each in controller.estimators] for _ in policies]
-        self._steps = [controller.steps.another() for _ in policies]
         self._solvers = list[Any]([None] * n)  # those outside the function, once they are asked
         self._rngs = [np.random.default_rng(0) for _ in policies]
         self._none = Estimates.of_many([tick.no_error()])
@@ -114,14 +213,22 @@ class BatchController:
         given = {name: rows.reading[:, place] for name, (place, _) in f.reading.places.items()}
         self._given = {name: given[name] for name in ("q", "dq", "contact", "applied", "stone", "noise")}
         self._force = given["foot_force"].reshape(n, 2, 2)
-        columns = {name: f.reading.places[name][0].start for name in ("tick", "touchdowns", "stone_index")}
-        self._tick, self._touchdowns, self._stone_index = (rows.reading[:, at] for at in columns.values())
+        self._tick, self._touchdowns = (given[name][:, 0] for name in ("tick", "touchdowns"))
+        self._previews = list[Any]([()] * n)  # whose numbers are in the rows
+        self._counts = slice(f.reading.places["tick"][0].start, f.reading.places["touchdowns"][0].stop)
+        self._is_sound, self._to_memory = self._one.places["is_sound"].start, self._one.places["memory"]
+        self._silence, self._is_silent = np.zeros((n, JOINTS)), True
         self._path = f.memory.places
 
     @property
     def parameters(self) -> "ControllerParameters":
         """They are all robots'."""
         return self._parameters
+
+    @property
+    def settings(self) -> Values:
+        """A row a robot; it may be written to."""
+        return self._one.functions.settings.values(self._rows.settings)
 
     @property
     def memory(self) -> Values:
@@ -134,12 +241,13 @@ class BatchController:
         if gains:
             self._rows.memory[:, self._path["last_tick"][0]] = NEVER
         for name, (place, _) in self._one.functions.settings.places.items():
-            self._rows.settings[:, place] = getattr(new, name)
+            if hasattr(new, name):  # the others are set by hand
+                self._rows.settings[:, place] = getattr(new, name)
 
     def reset(self, i: int, seed: int) -> None:
         """Begin an episode of robot `i`; see `Controller.reset`."""
         self._rngs[i] = np.random.default_rng(seed)
-        self._rows.memory[i] = self._one.first_memory(self._steps[i].first(), self._steps[i])
+        self._rows.memory[i] = self._one.first_memory()
         self._memory.forget(i)
         for part in (self.policies[i], *self._estimators[i], self._solvers[i]):
             if part:
@@ -148,68 +256,81 @@ class BatchController:
     def keep(self, rows: Array) -> None:
         """Go on with some of the robots, by number."""
         memory, settings, reading = self._rows.memory[rows], self._rows.settings[rows], self._rows.reading[rows]
-        for name in ("policies", "_estimators", "_steps", "_solvers", "_rngs"):
+        for name in ("policies", "_estimators", "_solvers", "_rngs"):
             setattr(self, name, [getattr(self, name)[i] for i in rows])
         self._memory.keep(rows)
         self._n = len(rows)
         self._bind(memory[0], self._n)
         self._rows.memory[:], self._rows.settings[:], self._rows.reading[:] = memory, settings, reading
 
-    def step(self, states: RobotStates) -> BatchOutput:
+    def step(self, states: "RobotStates | RobotState") -> BatchOutput:
         """The torques for one tick; see `Controller.step`. Those of a state that is refused mean nothing."""
-        return self.decide(self.look(states))
+        if not (self._one.is_one_function and all(type(policy) is ZeroPolicy for policy in self.policies)):
+            return self.decide(self.look(states))
+        start, rows, errors = perf_counter(), self._rows, dict[int, str]()
+        self._read(states)
+        omega = self._noise()
+        report = rows.step().copy()
+        is_sound = 0.0 not in report[:, self._is_sound].tolist()
+        if is_sound:
+            rows.memory[...] = report[:, self._to_memory]
+        else:
+            at = self._one.places
+            errors = self._errors(states, report[:, at["refused"]][:, 0])
+            if not report[:, at["solved"]].all():
+                return self.decide(self.look(states), omega=omega)
+            known = [i for i in range(self._n) if i not in errors]
+            rows.memory[known] = report[known, self._to_memory]
+        answered = ["daqp"] * self._n, ["solved"] * self._n, (perf_counter() - start) / self._n
+        reading = rows.reading[:, self._counts].copy()
+        return BatchOutput(self._one, report, reading, self.policies[:], omega, answered, errors, is_sound)
+
+    def _noise(self) -> Array:
+        """To explore with, (N, 4)."""
+        sigma = self._parameters.sigma
+        if sigma == 0 and self._is_silent:
+            return self._silence
+        omega = sigma * np.array([rng.standard_normal(JOINTS) if sigma > 0 else NO_NOISE for rng in self._rngs])
+        self._given["noise"][...], self._is_silent = omega, sigma == 0
+        return omega
 
     def look(self, states: "RobotStates | RobotState", is_kept: bool = True) -> BatchScene:
         """What is seen of the states, after those robots have changed legs that came down.
 
         Where it is not `is_kept`, no robot changes legs, and the next tick will not know of this one.
         """
-        rows, places = self._rows, self._one.functions.memory.places
+        rows = self._rows
         self._read(states)
-        before, stood = rows.memory.copy(), rows.stand()
+        stood = rows.stand()
         at = self._one.functions.stand.places
         errors = self._errors(states, stood[:, at["refused"][0].start])
-        if is_kept:
-            for i in (stood[:, at["begins"][0].start] > 0).nonzero()[0].tolist():
-                if i not in errors:
-                    with refusing(errors, i):
-                        self._begin(i, stood[i])
+        if not is_kept:
+            stood[:, at["begins"][0]] = 0
         seen = rows.see().copy()
         if is_kept:
-            layout = self._one.functions
-            kept = seen[:, layout.scene.places["kept"][0]]
-            for name in ("moved", "carries", "stone", "stance", "index", "start", "seconds", "has_begun"):
-                rows.memory[:, places[name][0]] = kept[:, layout.kept.places[name][0]]
-            rows.memory[:, places["last_tick"][0]] = stood[:, at["last_tick"][0]]
-            for name in ("torque", "held"):
-                rows.memory[:, places[name][0]] = stood[:, at[name][0]]
-            if errors:
-                refused = list(errors)
-                rows.memory[refused] = before[refused]
-        return self._scene(seen, errors)
+            self._keep(seen, stood, [i for i in range(self._n) if i not in errors])
+        self._seen = seen
+        return scene_of(self._one, seen, rows.reading[:, self._counts].copy(), errors)
 
     def _read(self, states: "RobotStates | RobotState") -> None:
         """Into the rows."""
-        given = self._given
+        given, alone = self._given, isinstance(states, RobotState)
         given["q"][...], given["dq"][...], given["contact"][...] = states.q, states.dq, states.contact
-        given["applied"][...] = states.applied
-        self._force[...], self._tick[...], self._touchdowns[...] = states.foot_force, states.tick, states.touchdowns
-        if isinstance(states, RobotState):
-            stone = states.preview
-            self._stone_index[0] = np.nan if stone is None else stone.index
-            given["stone"][0] = (np.nan,) * 3 if stone is None else (stone.l_min, stone.l_max, stone.height)
-        else:
-            given["stone"][...] = states.stones
-            self._stone_index[...] = [np.nan if stone is None else stone.index for stone in states.previews]
+        given["applied"][...], self._force[...] = states.applied, states.foot_force
+        self._tick[...], self._touchdowns[...] = states.tick, states.touchdowns
+        for i, stone in enumerate([states.preview] if alone else states.previews):
+            if stone is not self._previews[i]:
+                self._previews[i] = stone
+                given["stone"][i] = NO_STONE if stone is None else astuple(stone)
 
-    def _begin(self, i: int, stood: Array) -> None:
-        """A step of robot `i`."""
-        f, memory = self._one.functions, self._rows.memory[i]
-        at = f.stand.places
-        self._one.begin(self._steps[i], stood[at["x"][0]], stood[at["seconds"][0]].item(), self._previews(i), memory)
-
-    def _previews(self, i: int) -> Any:
-        return self._given["stone"][i]
+    def _keep(self, seen: Array, stood: Array, robots: list[int]) -> None:
+        """Of what is seen, what a second look at the same tick must know."""
+        f = self._one.functions
+        kept = seen[:, f.scene.places["kept"][0]]
+        rows = {name: kept[:, f.kept.places[name][0]] for name in BEGUN}
+        rows |= {name: stood[:, f.stand.places[name][0]] for name in ("last_tick", "torque", "held")}
+        for name, values in rows.items():
+            self._rows.memory[robots, f.memory.places[name][0]] = values[robots]
 
     def _errors(self, states: Any, refused: Array) -> dict[int, str]:
         """What the controller refuses, by robot."""
@@ -221,32 +342,7 @@ class BatchController:
             found[i] = f"controller error: {why_refused(state, int(refused[i]))}"
         return found
 
-    def _scene(self, rows: Array, errors: dict[int, str]) -> BatchScene:
-        f, tick, touchdowns = self._one.functions, self._tick.astype(int), self._touchdowns
-        part = {name: rows[:, place] for name, (place, _) in f.scene.places.items()}
-        index = part["index"][:, 0].astype(int)
-        seen = f.seen.values(part["seen"])
-        faults = {
-            i: f"contact disagreement: {touchdowns[i]:g} touchdowns, {index[i]} steps"
-            for i in (touchdowns != index).nonzero()[0].tolist()
-            if i not in errors
-        }
-        return BatchScene(
-            x=part["x"],
-            seen=seen,
-            force=part["force"].reshape(-1, 2, 2),
-            observation=seen.observation[:, : self._one.observed],
-            tick=tick,
-            torque=part["torque"],
-            stance=part["stance"][:, 0].astype(int),
-            step_index=index,
-            step_time=part["step_time"][:, 0],
-            model_error=self._one.model_error,
-            errors=errors,
-            faults=faults,
-        )
-
-    def decide(self, scene: BatchScene, estimates: Estimates | None = None) -> BatchOutput:
+    def decide(self, scene: BatchScene, estimates: Estimates | None = None, omega: Array | None = None) -> BatchOutput:
         """The torques at these scenes, from all estimators; `estimates` take the place of the policy's."""
         start, rows, f, n = perf_counter(), self._rows, self._one.functions, self._n
         parts, total = self._estimated(scene, estimates)
@@ -255,28 +351,15 @@ class BatchController:
                 self._one.check_estimates(total)
         rows.estimates["alpha"][...], rows.estimates["beta"][...] = total.alpha.reshape(n, -1), total.beta
         rows.estimates["output_error"][...] = 0 if total.output_error is None else total.output_error.reshape(n, -1)
-        omega = np.zeros((n, JOINTS))
-        if self._parameters.sigma > 0:
-            omega = self._parameters.sigma * np.array([rng.standard_normal(JOINTS) for rng in self._rngs])
-        self._given["noise"][...] = omega
-        row, solver, status = self._solved()
-        acted = {name: row[:, place] for name, (place, _) in f.acted.places.items()}
-        known = np.ones(n, dtype=bool)
-        known[list(scene.errors)] = False
-        rows.memory[known] = acted["memory"][known]
-        is_solved = acted["solved"][:, 0] > 0
-        decided = Decided(
-            f.read.values(acted["answer"]), self._one.qp.layout, is_solved, solver, status, (perf_counter() - start) / n
-        )
-        for i in acted["fault"][:, 0].nonzero()[0].tolist():
-            kind = int(acted["fault"][i, 0])
-            if kind == UNSOLVED:
-                scene.faults.setdefault(i, f"no solver answered: {status[i]}")
-            elif kind == NOT_FINITE:
-                scene.faults.setdefault(i, f"torque not finite: {acted['wanted'][i].tolist()} N m")
-        did = acted["mu"], acted["mu_qp"], omega, acted["saturated"][:, 0] > 0, list(self.policies)
-        identified = rows.see.row[:, f.scene.places["identified"][0]].copy() if f.identifies else np.zeros((n, 0))
-        return BatchOutput(self._one, scene, acted["command"], decided, total, did, parts, identified)
+        omega = self._noise() if omega is None else omega
+        acted, solver, status = self._solved()
+        known = [i for i in range(n) if i not in scene.errors]
+        rows.memory[known] = acted[known, f.acted.places["memory"][0]]
+        answered = solver, status, (perf_counter() - start) / n
+        report, reading = np.concatenate([self._seen, acted], axis=1), rows.reading[:, self._counts].copy()
+        output = BatchOutput(self._one, report, reading, self.policies[:], omega, answered, scene.errors, False, parts)
+        scene.faults |= output.faults
+        return output
 
     def _solved(self) -> tuple[Array, list[str], list[str]]:
         """What was decided, (N, size), by the first solver; by its guard where that has no answer."""
@@ -312,20 +395,15 @@ class BatchController:
 
     def _estimated(self, scene: BatchScene, given: Estimates | None) -> tuple[list[Estimates], Estimates]:
         """Of the policy, then of each other estimator; and in all."""
-        policy, n, f = self.policies[0], self._n, self._one.functions
+        policy, n = self.policies[0], self._n
+        nothing, *identified = estimated(self._one, self._seen)
         if policy.comes_last or (given is None and isinstance(policy, ZeroPolicy)):
-            q, m = self._none.alpha.shape[-2:]
-            given = Estimates(np.zeros((n, q, m)), np.zeros((n, q)), np.zeros((n, m, m + 1)))
+            given = nothing
         elif given is None and isinstance(policy, LearnedPolicy) and len(set(map(id, self.policies))) == 1:
             given = policy.act_of_many(scene.observation, scene.seen.LgV)
         elif given is None:
             given = self._each(self.policies, scene, [self._one.qp.no_error()] * n)
-        parts, total = [given], self._none + given
-        if f.identifies:
-            row, places = self._rows.see.row, f.scene.places
-            found = [row[:, places[f"identified_{name}"][0]].copy() for name in ("alpha", "beta", "output_error")]
-            parts.append(Estimates(found[0].reshape(total.alpha.shape), found[1], found[2].reshape(n, JOINTS, -1)))
-            total = total + parts[-1]
+        parts, total = [given, *identified], sum(identified, self._none + given)
         for estimators in zip(*self._estimators, strict=True):  # of all robots
             parts.append(self._each(estimators, scene, total))
             total = total + parts[-1]

@@ -7,7 +7,7 @@ All of that is `step.py`; what a controller constrains is its recipe.
 """
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 from cbf_clf_qp.answer import Decided, OsqpSolver, Solver, guarded
@@ -15,25 +15,25 @@ from cbf_clf_qp.estimates import Estimates, model_error
 from cbf_clf_qp.functions import Values, one_at_a_time
 from cbf_clf_qp.quantity import Constrained
 from rabbit_description.gait import Gaits
-from rabbit_description.state import DOF, JOINTS, Array, RobotState, StonePreview, no_torque
+from rabbit_description.state import DOF, JOINTS, Array, RobotState, StonePreview
 
-from rl_cbf_clf_controller.batch_controller import BatchController, BatchScene
+from rl_cbf_clf_controller.batch_controller import BatchController, BatchOutput, BatchScene
 from rl_cbf_clf_controller.controller_output import NOTHING, Acted, ControllerOutput, seen_fields
-from rl_cbf_clf_controller.identified_robot import first_known
 from rl_cbf_clf_controller.kinds import find_kind
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import Policy
 from rl_cbf_clf_controller.recipes import barriers_of, make_tick
-from rl_cbf_clf_controller.robot_numbers import Feet, read_robot
+from rl_cbf_clf_controller.robot_numbers import read_robot
 from rl_cbf_clf_controller.scene import ControllerError, Scene
-from rl_cbf_clf_controller.step import NEVER, StepFunctions
-from rl_cbf_clf_controller.step_outputs import Touchdown, make_steps
+from rl_cbf_clf_controller.step import StepFunctions
+from rl_cbf_clf_controller.step_paths import Shape
 from rl_cbf_clf_controller.uncertainty import STATE_OBSERVATION
 from rl_cbf_clf_controller.walking import GAINS, Walking
 
 NO_NOISE = np.zeros(JOINTS)
 DYNAMIC = ("sigma", "swap_time", "swap_phase", *GAINS)  # parameters that may change between two ticks
 
+Found = TypeVar("Found", BatchScene, BatchOutput)
 Further = Callable[[Walking], Sequence[Constrained]]  # quantities of RABBIT's symbols
 
 
@@ -66,42 +66,23 @@ class Controller:
         self.qp = make_tick(walking, parameters, added)
         self.barrier_names = tuple(barriers_of([*self._kind.quantities(walking, parameters), *added]))
         self.model_error = model_error(self.qp.terms)
-        self.functions = StepFunctions(walking, self.qp, parameters, robot)
-        self.is_valid = self.functions.read.places["is_valid"][0].start
+        self.functions = StepFunctions(walking, self.qp, parameters, robot, gait)
+        self.places = {name: place for name, (place, _) in self.functions.report.places.items()}
+        self.acted_at = self.places["mu"], self.places["mu_qp"], self.places["saturated"].start
+        self.is_valid = self.functions.answer.places["is_valid"][0].start
         self.solvers = guarded(parameters.qp_solver)
         self._parameters = parameters
         self.estimators = self._kind.estimators(parameters)
-        known = first_known(robot) if self.functions.identifies else {}
-        self._known = np.concatenate([NOTHING, *(np.ravel(value) for value in known.values())])
-        self._start, self._feet = gait.x_start, Feet(robot)
-        self.steps = make_steps(gait, parameters, self._feet)
+        self._start, self._is_single = gait.x_start, Shape.of(gait).is_single
         on_stones = parameters.terrain == "stones"
-        self.observed = len(STATE_OBSERVATION) + (1 + len(self.steps.wanted) if on_stones else 0)
+        self.observed = len(STATE_OBSERVATION) + (1 + (not self._is_single) if on_stones else 0)
+        self.is_one_function = self.solvers[0] == "daqp" and not self.estimators
         self._check(policy)
         self._robots = BatchController(self, [policy])
 
-    def first_memory(self, constraints: Any = None, steps: Any = None) -> Array:
-        """As an episode begins."""
-        memory, layout = np.zeros(self.functions.memory.size), self.functions.memory
-        values: dict[str, Any] = {"seconds": np.nan, "carries": 1.0, "eps": self._parameters.eps, "last_tick": NEVER}
-        values |= {"torque": no_torque(), "left": np.nan, "known": self._known}
-        steps = steps or self.steps
-        constraints = constraints or steps.first()
-        values |= {"path": constraints.row, "phase_scale": constraints.scale, "step_length": steps.wanted or 0.0}
-        for name, value in values.items():
-            memory[layout.places[name][0]] = value
-        return memory
-
-    def begin(self, steps: Any, x: Array, seconds: float, stone: Array, memory: Array) -> None:
-        """A step, into the memory."""
-        place = {name: where for name, (where, _) in self.functions.memory.places.items()}
-        feet = self._feet(x[:DOF])
-        preview = None if np.isnan(stone[0]) else StonePreview(0, *stone.tolist())
-        touchdown = Touchdown(x[:DOF], x[DOF:], -float(feet.swing[0]), None if np.isnan(seconds) else seconds, preview)
-        constraints = steps.begin(touchdown)
-        memory[place["place"]], memory[place["moved"]], memory[place["carries"]] = feet.stance, 0.0, 1.0
-        memory[place["path"]], memory[place["phase_scale"]] = constraints.row, constraints.scale
-        memory[place["step_length"]] = steps.wanted or 0.0
+    def first_memory(self) -> Array:
+        """With which an episode begins."""
+        return self.functions.first(self._parameters.eps)
 
     def make_solver(self, name: str) -> Solver:
         """One of the QP outside the step's function: `osqp`."""
@@ -138,6 +119,7 @@ class Controller:
 
     @policy.setter
     def policy(self, policy: Policy) -> None:
+        self.is_one_function = self.solvers[0] == "daqp" and not self.estimators
         self._check(policy)
         self._robots.policies[0] = policy
 
@@ -181,9 +163,8 @@ class Controller:
             ControllerError: a state of the wrong shape, not finite, or without the preview of the next stone; a policy
                 that gives no output error where the objective needs it.
         """
-        self._seen = sound(self._robots.look(checked(state)))
-        self._output = self._robots.decide(self._seen)
-        sound(self._seen)
+        self._output = sound(self._robots.step(checked(state)))
+        self._seen: BatchScene | None = None
         return self._output.act(0)
 
     def see(self, state: RobotState) -> str:
@@ -198,7 +179,7 @@ class Controller:
     @property
     def scene(self) -> Scene:
         """Of the last tick."""
-        return self._seen[0]
+        return (self._seen or self._output.scene)[0]
 
     @property
     def decided(self) -> Decided:
@@ -269,8 +250,8 @@ def checked(state: RobotState) -> RobotState:
     return state
 
 
-def sound(scene: BatchScene) -> BatchScene:
-    """The scene of one robot; raises `ControllerError` where it was refused."""
-    if scene.errors:
-        raise ControllerError(scene.errors[0].removeprefix("controller error: "))
-    return scene
+def sound(found: Found) -> Found:
+    """Scene or output of one robot; raises `ControllerError` where it was refused."""
+    if found.errors:
+        raise ControllerError(found.errors[0].removeprefix("controller error: "))
+    return found

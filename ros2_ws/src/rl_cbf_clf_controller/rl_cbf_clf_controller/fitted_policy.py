@@ -5,7 +5,7 @@ from rabbit_description.gait import Gait, Gaits
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ActorPolicy, OnFlatGround, Policy
 from rl_cbf_clf_controller.residual_policy import ResidualActor
-from rl_cbf_clf_controller.step_outputs import has_lengths
+from rl_cbf_clf_controller.step_paths import Shape
 from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP, RL_CLF_QP, STEP_LENGTH
 from rl_cbf_clf_controller.weights import PolicyFile, PolicyFileError
 
@@ -30,7 +30,7 @@ def fitted(file: PolicyFile, parameters: ControllerParameters, gaits: Gaits) -> 
         return ResidualActor(file)
     policy = ActorPolicy(file)
     if about.fits(parameters.problem):
-        if parameters.terrain == "stones" and STEP_LENGTH in about.observation and not has_lengths(gaits):
+        if parameters.terrain == "stones" and STEP_LENGTH in about.observation and Shape.of(gaits).is_single:
             raise PolicyFileError(f"policy: it reads {STEP_LENGTH}: expected a gait library, gait is {gaits.name}")
         return policy
     if parameters.problem == RL_CLF_QP and about.fits(RL_CBF_CLF_QP):

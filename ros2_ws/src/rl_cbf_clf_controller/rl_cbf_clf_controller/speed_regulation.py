@@ -21,16 +21,15 @@ and answers to the step's gait at once. With omega_d the periodic gait's,
 
 where clip is to the slopes that the library has gaits for.
 
-`IntegralRegulation` is the rule without a model, to compare with. It takes for Gamma
+The `integral` regulation is the rule without a model, to compare with. It takes for Gamma
 
     I_k = clip(I_{k-1} - K_I v_k).
 """
 
-from collections import deque
-from dataclasses import dataclass
-from statistics import median
+from collections.abc import Mapping
 
-import numpy as np
+import casadi as ca
+from cbf_clf_qp.qp import is_finite
 
 RETAINED = 0.695  # A
 PER_SLOPE = (-0.046, 0.148, -0.037)  # B_0, B_1, B_2, (m/s) / degree
@@ -39,53 +38,53 @@ K_P, MOST = 1.5, 1.5  # degrees / (rad/s), degrees
 INTEGRAL_K_P, INTEGRAL_MOST = 2.0, 3.0  # the same without the model
 K_I = 2.0  # degrees / (m/s), once a step
 
-
-@dataclass
-class SpeedRegulation:
-    """Between the slopes `least` and `most`, degrees; `slope` is the present step's."""
-
-    least: float
-    most: float
-
-    def __post_init__(self) -> None:
-        self.reset()
-
-    def reset(self) -> None:
-        """Level ground, or the library's slope nearest to it."""
-        self.slope = self._clip(0.0)
-        self._slopes = deque([self.slope] * len(PER_SLOPE), maxlen=len(PER_SLOPE))  # of the last steps, latest first
-        self._speed: float | None = None
-        self._found = deque([0.0], maxlen=REMEMBERED)
-
-    def after(self, rate_missing: float, speed_missing: float) -> float:
-        """The slope, degrees, of the step after a touchdown that lacks `rate_missing` = omega_d - omega, rad/s, and
-        ends a step that lacked `speed_missing`, m/s, the negative of v."""
-        self._slopes.appendleft(self.slope)
-        speed = -speed_missing
-        if self._speed is not None:
-            unexplained = RETAINED * self._speed + float(np.dot(PER_SLOPE, self._slopes)) - speed
-            self._found.append(unexplained / sum(PER_SLOPE))
-        self._speed = speed
-        return self._towards(self._clip(median(self._found)) + K_P * rate_missing, MOST)
-
-    def _towards(self, aim: float, most: float) -> float:
-        self.slope = min(max(self._clip(aim), self.slope - most), self.slope + most)
-        return self.slope
-
-    def _clip(self, slope: float) -> float:
-        return min(max(slope, self.least), self.most)
+Expressions = Mapping[str, ca.SX]
 
 
-@dataclass
-class IntegralRegulation(SpeedRegulation):
-    """PI control: the slope on which the speed is kept is the integral of what the speed lacks."""
+def level(least: ca.SX, most: ca.SX) -> dict[str, ca.SX]:
+    """What is kept from step to step, by name, as an episode begins; between the slopes `least` and `most`, degrees.
 
-    def reset(self) -> None:
-        """Level ground, or the library's slope nearest to it."""
-        super().reset()
-        self._integral = self.slope
+    `slopes` (3,): that the present step and those before it were made for, degrees, the latest first; at first level
+    ground, or the slope nearest to it. `speed`: v of the last step, m/s. `found` (REMEMBERED,): Gamma of the last ones,
+    degrees, the latest first. `integral`: I, degrees. NaN where there is none yet.
+    """
+    slope, nothing = clipped(ca.SX(0), least, most), ca.SX.nan()
+    found = ca.vertcat(0, ca.repmat(nothing, REMEMBERED - 1))
+    return {"slopes": ca.repmat(slope, len(PER_SLOPE)), "speed": nothing, "found": found, "integral": slope}
 
-    def after(self, rate_missing: float, speed_missing: float) -> float:
-        """The slope, degrees, of the step after a touchdown with these."""
-        self._integral = self._clip(self._integral + K_I * speed_missing)
-        return self._towards(self._integral + INTEGRAL_K_P * rate_missing, INTEGRAL_MOST)
+
+def regulated(
+    kept: Expressions, least: ca.SX, most: ca.SX, missing: ca.SX, speed: ca.SX, kind: str
+) -> dict[str, ca.SX]:
+    """What is kept after a touchdown that lacks the rate `missing` = omega_d - omega, rad/s, and ends a step with the
+    `speed` v, m/s; `kind`: learned or integral."""
+    slopes, before = kept["slopes"], kept["speed"]
+    if kind == "integral":
+        integral = clipped(kept["integral"] - K_I * speed, least, most)
+        aim, change, new = integral + INTEGRAL_K_P * missing, INTEGRAL_MOST, {"integral": integral}
+    else:
+        unexplained = RETAINED * before + ca.dot(ca.DM(PER_SLOPE), slopes) - speed
+        found = ca.vertcat(unexplained / sum(PER_SLOPE), kept["found"][:-1])
+        found = ca.if_else(is_finite(before), found, kept["found"])
+        aim, change, new = clipped(median(found), least, most) + K_P * missing, MOST, {"speed": speed, "found": found}
+    slope = clipped(clipped(aim, least, most), slopes[0] - change, slopes[0] + change)
+    return {**kept, **new, "slopes": ca.vertcat(slope, slopes[:-1])}
+
+
+def clipped(value: ca.SX, least: ca.SX | float, most: ca.SX | float) -> ca.SX:
+    """The nearest between these."""
+    return ca.fmin(ca.fmax(value, least), most)
+
+
+def median(values: ca.SX) -> ca.SX:
+    """Of those `values` (n,) that are not NaN: at least one."""
+    n = values.numel()
+    known = [ca.fabs(each) <= ca.inf for each in ca.vertsplit(values)]
+    ordered = [ca.if_else(is_known, each, ca.inf) for is_known, each in zip(known, ca.vertsplit(values), strict=True)]
+    for round_ in range(n):  # odd-even transposition sort
+        for i in range(round_ % 2, n - 1, 2):
+            ordered[i : i + 2] = ca.fmin(*ordered[i : i + 2]), ca.fmax(*ordered[i : i + 2])
+    count, found = ca.sum1(ca.vertcat(*known)), ca.SX(0)
+    for k in range(1, n + 1):
+        found += ca.if_else(count == k, (ordered[(k - 1) // 2] + ordered[k // 2]) / 2, 0)
+    return found

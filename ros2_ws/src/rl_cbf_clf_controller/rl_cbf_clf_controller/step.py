@@ -20,13 +20,17 @@ from cbf_clf_qp.answer import TOLERANCE, by_daqp
 from cbf_clf_qp.estimates import model_error
 from cbf_clf_qp.functions import NumpyFunction, Place, values_type
 from cbf_clf_qp.tick import Tick
-from rabbit_description.state import DOF, JOINTS, SWAP_STATE, SWAP_TORQUE, TICK_SECONDS, no_torque
+from rabbit_description.gait import Gaits
+from rabbit_description.state import DOF, JOINTS, SWAP_STATE, SWAP_TORQUE, TICK_SECONDS, Array, no_torque
 
+from rl_cbf_clf_controller.identification import LATE_TORQUE
 from rl_cbf_clf_controller.identified_robot import after_tick, first_known
 from rl_cbf_clf_controller.joint_calibration import OFFSETS
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.robot_numbers import Feet, RobotNumbers
 from rl_cbf_clf_controller.state_prediction import prediction_function
+from rl_cbf_clf_controller.step_begin import step_functions
+from rl_cbf_clf_controller.step_paths import Shape, gait_row
 from rl_cbf_clf_controller.tick_functions import tick_functions
 from rl_cbf_clf_controller.walking import GAINS, Walking
 
@@ -35,10 +39,10 @@ ROUNDING = 1e-6  # N m, by which the QP may be over the limit
 CARRIED = 20.0  # N; a foot that presses less may be falling
 FARTHEST_STONE, HIGHEST_STONE = 2.0, 0.5  # m; the latter up or down
 READING = {
-    **{"tick": 1, "q": DOF, "dq": DOF, "foot_force": 4, "contact": 2, "touchdowns": 1, "applied": JOINTS},
-    **{"stone_index": 1, "stone": 3, "noise": JOINTS},
+    **{"tick": 1, "touchdowns": 1, "q": DOF, "dq": DOF, "foot_force": 4, "contact": 2, "applied": JOINTS},
+    **{"stone": 4, "noise": JOINTS},  # index, l_min, l_max, height
 }
-SETTINGS = ("swap_time", "swap_phase", "doubt_eps", "late_margin", *GAINS)
+SETTINGS = ("swap_time", "swap_phase", "doubt_eps", "late_margin", "stone_aim", "slope_change", *GAINS)
 ESTIMATES = "alpha", "beta", "output_error"
 # why a state is refused, or an episode must end
 Q, DQ, STONE = 1, 2, 3
@@ -56,10 +60,14 @@ class Layout:
             self.size += size
         self.values = values_type(self.places)  # of a row, by name
 
-    def symbols(self, name: str) -> tuple[ca.MX, dict[str, ca.MX]]:
-        """A row, and its parts."""
-        row = ca.MX.sym(name, self.size)
-        return row, {part: row[place] for part, (place, _) in self.places.items()}
+    @classmethod
+    def of(cls, function: NumpyFunction) -> "Layout":
+        """Of the row that a function gives."""
+        return cls({name: place.stop - place.start for name, (place, _) in function.places.items()})
+
+    def parts(self, row: ca.MX) -> dict[str, ca.MX]:
+        """Of a row, by name."""
+        return {name: row[place] for name, (place, _) in self.places.items()}
 
     def joined(self, values: Mapping[str, Any]) -> ca.MX:
         """A row of these parts."""
@@ -102,8 +110,8 @@ def stand_function(walking: Walking, on_stones: bool) -> NumpyFunction:
     stance = ca.if_else(swaps, 1 - is_right, is_right)
     refused = ca.if_else(is_finite(s["q"]), ca.if_else(is_finite(s["dq"]), 0, DQ), Q)
     if on_stones:
-        near, far, height = s["stone"][0], s["stone"][1], s["stone"][2]
-        is_stone = ca.logic_and(s["stone_index"] == s["touchdowns"] + 1, ca.fabs(height) <= HIGHEST_STONE)
+        index, near, far, height = ca.vertsplit(s["stone"])
+        is_stone = ca.logic_and(index == s["touchdowns"] + 1, ca.fabs(height) <= HIGHEST_STONE)
         is_stone = ca.logic_and(is_stone, ca.logic_and(ca.logic_and(near > 0, near < far), far < FARTHEST_STONE))
         refused = ca.if_else(refused, refused, ca.if_else(is_stone, 0, STONE))
     force = ca.if_else(stance, s["foot_force"][[2, 3, 0, 1]], s["foot_force"])
@@ -113,7 +121,7 @@ def stand_function(walking: Walking, on_stones: bool) -> NumpyFunction:
         "index": s["index"] + swaps,
         "start": ca.if_else(swaps, tick, s["start"]),
         "seconds": ca.if_else(swaps, seconds, s["seconds"]),
-        "begins": ca.logic_or(swaps, ca.logic_not(s["has_begun"])),
+        "begins": ca.logic_and(ca.logic_not(refused), ca.logic_or(swaps, ca.logic_not(s["has_begun"]))),
         "last_tick": ca.if_else(swaps, NEVER, s["last_tick"]),
         "torque": ca.if_else(swaps, ca.DM(no_torque()), torque),
         "held": held,
@@ -148,8 +156,8 @@ def tracking_function(robot: RobotNumbers, tracks: bool) -> NumpyFunction:
     return NumpyFunction.of("tracking", s, found)
 
 
-def tune_function(parameters: ControllerParameters) -> NumpyFunction:
-    """Gains that depend on the identified robot, see `IdentifiedRobots.tune`."""
+def tune_function() -> NumpyFunction:
+    """The gains that depend on the identified robot."""
     names = "lateness", "disbelief", "eps", "doubt_eps", "torque_change_weight", "stone_margin", "late_margin"
     s = symbols(dict.fromkeys(names, 1))
     late, doubts = s["lateness"], s["disbelief"]
@@ -164,7 +172,7 @@ def tune_function(parameters: ControllerParameters) -> NumpyFunction:
 def act_function() -> NumpyFunction:
     """What was decided, with exploration, within the torque limit."""
     sizes = {"residual": 1, "tolerance": 1, "mu": JOINTS, "u": JOINTS, "control_a": JOINTS**2, "control_b": JOINTS}
-    sizes |= {"noise": JOINTS, "torque_limit": 1, "stance": 1, "index": 1, "touchdowns": 1}
+    sizes |= {"noise": JOINTS, "torque_limit": 1, "stance": 1, "index": 1, "touchdowns": 1, "refused": 1}
     s = symbols(sizes)
     solved, limit = s["residual"] < s["tolerance"], s["torque_limit"]
     a, b = ca.reshape(s["control_a"], JOINTS, JOINTS).T, s["control_b"]
@@ -182,167 +190,172 @@ def act_function() -> NumpyFunction:
     torque, mu, mu_qp = (ca.if_else(sound, each, 0) for each in (torque, mu, mu_qp))
     found = {"stance_torque": torque, "command": ordered(torque, SWAP_TORQUE, s["stance"]), "mu": mu, "mu_qp": mu_qp}
     found |= {"saturated": ca.logic_and(saturated, sound), "solved": solved, "fault": fault, "wanted": wanted}
+    found["is_sound"] = ca.logic_not(ca.logic_or(s["refused"], fault))
     return NumpyFunction.of("act", s, found)
 
 
 class StepFunctions:
-    """The functions of a tick, see the module, of one controller; `memory` and `scene` are rows with these layouts.
+    """The functions of a tick, see the module, of one controller; `gaits`: the numbers of its gait or library.
 
-    `step` gives memory and report in one row, `places` says what lies where.
+    Each gives a row, with the layout `memory`, `scene` (of `see`), `acted` (of `decide` and `finish`) or `report` (of
+    `step`: both). `seen`, `answer`: the functions whose rows are in a scene, and in what was `acted`.
     """
 
-    def __init__(self, walking: Walking, tick: Tick, parameters: ControllerParameters, robot: RobotNumbers) -> None:
-        p, system = parameters, walking.system
-        self.identifies, on_stones = p.adaptation == "identification", p.terrain == "stones"
-        look, answering, left = tick_functions(walking, tick)
-        n, m = len(tick.names), tick.terms.inputs
-        known = first_known(robot) if self.identifies else {}
-        sizes = {
-            "stance": 1,
-            "index": 1,
-            "start": 1,
-            "seconds": 1,
-            "has_begun": 1,
-            "place": 2,
-            "moved": 2,
-            "carries": 1,
-        }
-        sizes |= {"path": look.function.numel_in("path"), "phase_scale": 2, "step_length": 1, "stone": 3, "eps": 1}
-        sizes |= {"last_tick": 1, "torque": JOINTS, "held": JOINTS, "left": left}
-        sizes |= {"known": sum(value.size for value in known.values())}
-        self.memory = Layout(sizes)
+    def __init__(
+        self, walking: Walking, tick: Tick, parameters: ControllerParameters, robot: RobotNumbers, gaits: Gaits
+    ) -> None:
+        self._walking, self._tick, self._parameters, self._robot = walking, tick, parameters, robot
+        self.identifies, self._on_stones = parameters.adaptation == "identification", parameters.terrain == "stones"
+        self._after = after_tick(robot, parameters.doubt_eps > 0) if self.identifies else None
+        self.known = self._after.places if self._after else {}  # of the identified robot, in `known` of the memory
+        self.seen, answering, left = tick_functions(walking, tick)
+        self.programme, self.answer = answering.programme, answering.reading
+        first, begin = step_functions(Shape.of(gaits), parameters.speed_regulation)
+        self.gaits = gait_row(gaits)
+        self._first = [np.array(each).ravel() for each in first(self.gaits)]
+        steps = {"path": begin.numel_out("path"), "phase_scale": 2, "steps": begin.numel_out("steps_after"), "place": 2}
+        steps |= {"moved": 2, "carries": 1, "has_begun": 1}
+        known = sum(place.stop - place.start for place, _ in self.known.values())
+        sizes = {"stance": 1, "index": 1, "start": 1, "seconds": 1, **steps, "stone": 3, "eps": 1, "last_tick": 1}
+        self.memory = Layout(sizes | {"left": left, "known": known, "torque": JOINTS, "held": JOINTS})
         self.reading, self.settings = Layout(READING), Layout(dict.fromkeys(SETTINGS, 1))
-        self.estimate_sizes = {"alpha": n * m, "beta": n, "output_error": m * (m + 1)}
-        error = model_error(tick.terms)
-        memory_row, memory = self.memory.symbols("memory")
-        reading_row, reading = self.reading.symbols("reading")
-        settings_row, settings = self.settings.symbols("settings")
+        n, m = len(tick.names), tick.terms.inputs
+        self.estimates = {"alpha": n * m, "beta": n, "output_error": m * (m + 1)}
+        rows = {"memory": self.memory.size, "reading": self.reading.size, "settings": self.settings.size}
+        self._rows = {name: ca.MX.sym(name, size) for name, size in rows.items()}
+        self._gaits = ca.MX.sym("gaits", self.gaits.size)
+        self._given = [getattr(self, name).parts(row) for name, row in self._rows.items()]
+        self.stand = self._stand()
+        self.see = self._see(begin, Layout(steps))
+        self.data, self.finish, self.decide = self._decide()
+        self.step = self._step()
 
-        # stand
-        offsets = ca.DM.zeros(2)
-        after = after_tick(robot, p.doubt_eps > 0) if self.identifies else None
-        self.known = after.places if after else {}  # of the identified robot, in `known` of the memory
-        if after:
-            was = {name: memory["known"][place] for name, (place, _) in after.places.items()}
-            offsets = was["offsets"]
-        now = call(stand_function(walking, on_stones), {**memory, **settings, **reading, "offsets": offsets})
-        self.stand = made("stand", {"memory": memory_row, "reading": reading_row, "settings": settings_row}, now)
+    def first(self, eps: float) -> Array:
+        """The memory with which an episode begins."""
+        path, phase_scale, steps = self._first
+        values: dict[str, Any] = {"seconds": np.nan, "carries": 1.0, "eps": eps, "last_tick": NEVER, "left": np.nan}
+        values |= {"path": path, "phase_scale": phase_scale, "steps": steps, "torque": no_torque()}
+        if self.identifies:
+            values["known"] = np.concatenate([np.ravel(value) for value in first_known(self._robot).values()])
+        row = np.zeros(self.memory.size)
+        for name, value in values.items():
+            row[self.memory.places[name][0]] = value
+        return row
 
-        # see, once the step has begun
-        stood_row, stood = Layout({name: value.numel() for name, value in now.items()}).symbols("stood")
-        numbers = {name: settings[name] for name in GAINS}
-        x, before, new = stood["x"], memory["left"], ca.DM.nan(left)
-        follows = stood["last_tick"] == reading["tick"] - 1
-        if after:
-            tuned = call(tune_function(p), {**settings, **{name: was[name] for name in ("lateness", "disbelief")}})
-            numbers |= tuned
-            follows = ca.logic_and(follows, tuned["eps"] == memory["eps"])
-        before = ca.if_else(follows, memory["left"], new)
-        about_stone = {
-            **memory,
-            "x": x,
+    def _stand(self) -> NumpyFunction:
+        memory, reading, settings = self._given
+        offsets = memory["known"][self.known["offsets"][0]] if self.known else ca.DM.zeros(2)
+        function = stand_function(self._walking, self._on_stones)
+        return made("stand", self._rows, call(function, {**memory, **settings, **reading, "offsets": offsets}))
+
+    def _see(self, begin: ca.Function, steps: Layout) -> NumpyFunction:
+        """`scene`, and in it what is `kept` for the next tick."""
+        p, robot, walking, (memory, reading, settings) = self._parameters, self._robot, self._walking, self._given
+        stood_row = ca.MX.sym("stood", self.stand.row.size)
+        stood = Layout.of(self.stand).parts(stood_row)
+        begun = steps.parts(self._begun(begin, steps, stood))
+        places = {
+            "x": stood["x"],
             "force": stood["force"],
-            "stone": reading["stone"],
+            "stone": reading["stone"][1:],
             "stone_before": memory["stone"],
         }
-        tracked = call(tracking_function(robot, p.stone_tracking and on_stones), about_stone)
-        if not on_stones:
+        tracked = call(tracking_function(robot, p.stone_tracking and self._on_stones), {**begun, **places})
+        if not self._on_stones:
             tracked["stone"] = memory["stone"]
-        seen_x = x
-        if after and p.prediction:
-            given = {"x": x, "robot": was["numbers"], "torque": stood["torque"], "lag": was["used"][-1]}
-            ahead = call(prediction_function(), given)["x"]
-            seen_x = ca.if_else(ca.fabs(ca.sum1(stood["torque"])) < ca.inf, ahead, x)
-        numbers |= {name: ca.DM.zeros(value.numel()) for name, value in walking.outputs.parameters.items()}
-        robot_row, places = ca.DM(robot.row), [*system.named]
-        given = {**numbers, "phase_scale": memory["phase_scale"], "step_length": memory["step_length"]}
-        stone = dict(zip(("l_min", "l_max", "height"), ca.vertsplit(tracked["stone"]), strict=True))
-        given |= stone | {"force": stood["force"][:2], "held": stood["held_now"]}
-        own = [name for name in places if name not in given]
-        assert places[: len(own)] == own  # the robot's numbers come first
-        rest = ca.vertcat(*(given[name] for name in places[len(own) :]))
-        p_row = ca.vertcat(robot_row, rest)
-        inputs = {"x": seen_x, "p": p_row, "path": memory["path"], "torque": stood["torque"], "before": before}
-        seen = call(look, inputs)
-        self.seen, self.read, self.programme = look, answering.reading, answering.programme
-        kept = {
-            "eps": numbers["eps"],
-            "stone": tracked["stone"],
-            "moved": tracked["moved"],
-            "carries": tracked["carries"],
-        }
-        kept |= {"last_tick": reading["tick"], "left": seen["leaves"]}
-        kept |= {name: stood[name] for name in ("stance", "index", "start", "seconds", "held")} | {
-            "has_begun": ca.DM(1)
-        }
-        scene = {
-            "seen": look.function(*inputs.values()),
-            "x": seen_x,
-            "force": stood["force"],
-            "torque": stood["torque"],
-        }
-        scene |= {"stance": stood["stance"], "index": stood["index"], "refused": stood["refused"]}
-        scene["step_time"] = (reading["tick"] - stood["start"]) * TICK_SECONDS
-        if after:
-            tick_now = {"known": memory["known"], "tick": reading["tick"], "x": x, "force": stood["force"]}
+        gains, follows = {name: settings[name] for name in GAINS}, stood["last_tick"] == reading["tick"] - 1
+        x, was = stood["x"], {name: memory["known"][place] for name, (place, _) in self.known.items()}
+        if self._after:
+            gains |= call(tune_function(), {**settings, **{name: was[name] for name in ("lateness", "disbelief")}})
+            follows = ca.logic_and(follows, gains["eps"] == memory["eps"])  # else V has two gains
+        if p.prediction:
+            now = {"x": x, "robot": was["numbers"], "torque": stood["torque"], "lag": was["used"][LATE_TORQUE]}
+            is_known = ca.fabs(ca.sum1(stood["torque"])) < ca.inf
+            x = ca.if_else(is_known, call(prediction_function(), now)["x"], x)
+        given = {**gains, "phase_scale": begun["phase_scale"], "step_length": begun["steps"][0]}
+        given |= dict(zip(("l_min", "l_max", "height"), ca.vertsplit(tracked["stone"]), strict=True))
+        given |= {"force": stood["force"][:2], "held": stood["held_now"]}
+        given |= {name: ca.DM.zeros(JOINTS) for name in walking.outputs.parameters if name not in given}  # of the path
+        row = ca.vertcat(ca.DM(robot.row), *(given[name] for name in walking.system.named if name in given))
+        before = ca.if_else(follows, memory["left"], ca.DM.nan(memory["left"].numel()))
+        seen_row = self.seen.function(x, row, begun["path"], stood["torque"], before)
+        seen = Layout.of(self.seen).parts(seen_row)
+        kept = {**begun, **tracked, "eps": gains["eps"], "last_tick": reading["tick"], "left": seen["leaves"]}
+        kept |= {name: stood[name] for name in ("stance", "index", "start", "seconds")} | {"known": memory["known"]}
+        scene = {"seen": seen_row, "x": x} | {name: stood[name] for name in ("force", "torque", "stance", "index")}
+        scene |= {"refused": stood["refused"], "step_time": (reading["tick"] - stood["start"]) * TICK_SECONDS}
+        if self._after:
             lengths = {"joints": ca.DM(robot.joints.ravel()), "feet": ca.DM(robot.feet.ravel())}
-            row = after.function(
-                *({**tick_now, "torque": stood["torque"], **lengths}[name] for name in after.function.name_in())
-            )
-            kept["known"] = row
-            is_now = {name: row[place] for name, (place, _) in after.places.items()}
-            other = ca.vertcat(is_now["numbers"], seen["p"][robot.row.size :])  # with what the path desires
-            found = call(error, {"x": seen_x, "p": seen["p"], "other": other})
-            scene |= {f"identified_{name}": found[name] for name in ESTIMATES}
-            scene["identified"] = ca.vertcat(is_now["used"], is_now["offsets"], is_now["doubts"][0])
-        else:
-            kept["known"] = memory["known"]
-        kept |= {name: memory[name] for name in ("place", "path", "phase_scale", "step_length")}
-        self.kept = Layout({name: size for name, size in sizes.items() if name not in ("torque", "held")})
+            now = {**{name: stood[name] for name in ("x", "force", "torque")}, **lengths, "tick": reading["tick"]}
+            found = call(self._after, now | {"known": memory["known"]})
+            kept["known"] = ca.vertcat(*found.values())
+            other = ca.vertcat(found["numbers"], seen["p"][robot.row.size :])
+            error = call(model_error(self._tick.terms), {"x": x, "p": seen["p"], "other": other})
+            scene |= {f"identified_{name}": error[name] for name in ESTIMATES}
+            scene["identified"] = ca.vertcat(found["used"], found["offsets"], found["doubts"][0])
+        self.kept = Layout({name: self.memory.sizes[name] for name in self.memory.sizes if name in kept})
         scene["kept"] = self.kept.joined(kept)
-        arguments = {"memory": memory_row, "reading": reading_row, "settings": settings_row, "stood": stood_row}
-        self.see = made("see", arguments, scene)
-        self._decide(answering, settings_row, settings, reading_row, reading)
+        return made("see", {**self._rows, "gaits": self._gaits, "stood": stood_row}, scene)
 
-    def _decide(self, answering: Any, settings_row: ca.MX, settings: Any, reading_row: ca.MX, reading: Any) -> None:
-        """The functions after the estimates: `data` of the QP, `finish` with an answer to it, `decide` with DAQP's."""
-        self.scene = Layout({name: place.stop - place.start for name, (place, _) in self.see.places.items()})
-        scene_row, scene = self.scene.symbols("scene")
-        estimates = {name: ca.MX.sym(name, size) for name, size in self.estimate_sizes.items()}
-        given = {**estimates, "prepared": scene["seen"][self.seen.places["prepared"][0]]}
-        programme = answering.programme
-        self.data = made("data", {"scene": scene_row, **estimates}, call(programme, given))
-        data_row = ca.MX.sym("data", programme.row.size)
-        x, y = (
-            ca.MX.sym("x", answering.reading.function.numel_in("x")),
-            ca.MX.sym("y", answering.reading.function.numel_in("y")),
+    def _begun(self, begin: ca.Function, steps: Layout, stood: Mapping[str, ca.MX]) -> ca.MX:
+        """What is known of this step: of the memory, or, where a step begins, by `begin`."""
+        memory, reading, settings = self._given
+        robot = {name: ca.DM(getattr(self._robot, name).ravel()) for name in ("joints", "feet")}
+        given = {**settings, **robot, "x": stood["x"], "seconds": stood["seconds"], "stone": reading["stone"][1:]}
+        given |= {"steps": memory["steps"], "aim": settings["stone_aim"], "gaits": self._gaits}
+        if not self._on_stones:
+            given["stone"] = ca.DM.nan(3)
+        arguments = [given[name] for name in begin.name_in()]
+        symbols = [ca.MX.sym(name, value.numel()) for name, value in zip(begin.name_in(), arguments, strict=True)]
+        before = ca.MX.sym("before", steps.size)
+        path, phase_scale, after, place = begin(*symbols)
+        new = {"path": path, "phase_scale": phase_scale, "steps": after, "place": place}
+        new |= {"moved": ca.DM.zeros(2), "carries": ca.DM(1), "has_begun": ca.DM(1)}
+        begins = ca.Function("begins", [*symbols, before], [steps.joined(new)])
+        goes_on = ca.Function("goes_on", [*symbols, before], [ca.MX(before)])
+        either = ca.Function.if_else("begun", begins, goes_on)
+        row: ca.MX = either(stood["begins"], *arguments, steps.joined(memory))
+        return row
+
+    def _decide(self) -> tuple[NumpyFunction, ...]:
+        """`data` of the QP; `finish`, with an answer to it; `decide`, with DAQP's."""
+        self.scene = Layout.of(self.see)
+        _, reading, settings = self._given
+        scene_row, tolerance = ca.MX.sym("scene", self.scene.size), ca.MX.sym("tolerance")
+        scene = self.scene.parts(scene_row)
+        estimates = {name: ca.MX.sym(name, size) for name, size in self.estimates.items()}
+        prepared = Layout.of(self.seen).parts(scene["seen"])["prepared"]
+        data = made(
+            "data", {"scene": scene_row, **estimates}, call(self.programme, {**estimates, "prepared": prepared})
         )
-        answer_row = answering.reading.function(data_row, x, y)
-        answer = {name: answer_row[place] for name, (place, _) in answering.reading.places.items()}
-        tolerance = ca.MX.sym("tolerance")
+        data_row, (x, y) = (
+            ca.MX.sym("data", data.row.size),
+            (ca.MX.sym(n, self.answer.function.numel_in(n)) for n in "xy"),
+        )
+        answer_row = self.answer.function(data_row, x, y)
+        answer = Layout.of(self.answer).parts(answer_row)
         acted = call(act_function(), {**settings, **reading, **scene, **answer, "tolerance": tolerance})
-        kept = {name: scene["kept"][place] for name, (place, _) in self.kept.places.items()}
-        memory = self.memory.joined({**kept, "torque": acted["stance_torque"], "held": acted["command"]})
-        report = {"memory": memory, **acted, "answer": answer_row}
-        inputs = {"reading": reading_row, "settings": settings_row, "scene": scene_row}
-        self.finish = made("finish", {**inputs, "data": data_row, "x": x, "y": y, "tolerance": tolerance}, report)
-        data = self.data.function(scene_row, *estimates.values())
-        solution = by_daqp(data, programme.places)
-        row = self.finish.function(*inputs.values(), data, *solution, TOLERANCE)
-        function = ca.Function(
-            "decide", [*inputs.values(), *estimates.values()], [row], [*inputs, *estimates], ["values"]
-        )
-        self.decide = NumpyFunction(function, self.finish.places)
-        memory_row = ca.MX.sym("memory", self.memory.size)
-        start = {"memory": memory_row, "reading": reading_row, "settings": settings_row}
-        stood = self.stand.function(*start.values())
-        seen = self.see.function(*start.values(), stood)
-        known = {name: ca.DM.zeros(size) for name, size in self.estimate_sizes.items()}
-        if self.identifies:
-            known = {name: seen[self.scene.places[f"identified_{name}"][0]] for name in ESTIMATES}
-        row = ca.vertcat(seen, self.decide.function(reading_row, settings_row, seen, *known.values()))
-        self.acted = Layout({name: place.stop - place.start for name, (place, _) in self.finish.places.items()})
+        memory = {**self.kept.parts(scene["kept"]), "torque": acted["stance_torque"], "held": acted["command"]}
+        report = {"memory": self.memory.joined(memory), **acted, "answer": answer_row}
+        given = {"reading": self._rows["reading"], "settings": self._rows["settings"], "scene": scene_row}
+        finish = made("finish", {**given, "data": data_row, "x": x, "y": y, "tolerance": tolerance}, report)
+        solution = by_daqp(data.function(scene_row, *estimates.values()), self.programme.places)
+        found = data.function(scene_row, *estimates.values()), *solution, TOLERANCE
+        inputs = {**given, **estimates}
+        row = finish.function(*given.values(), *found)
+        decide = NumpyFunction(ca.Function("decide", [*inputs.values()], [row], [*inputs], ["values"]), finish.places)
+        return data, finish, decide
+
+    def _step(self) -> NumpyFunction:
+        """All, with the identified robot's estimates or none."""
+        self.acted = Layout.of(self.finish)
         self.report = Layout(self.scene.sizes | self.acted.sizes)
-        self.step = NumpyFunction(
-            ca.Function("step", [*start.values()], [row], [*start], ["values"]), self.report.places
+        inputs = {**self._rows, "gaits": self._gaits}
+        scene_row = self.see.function(*inputs.values(), self.stand.function(*self._rows.values()))
+        scene = self.scene.parts(scene_row)
+        known = [scene.get(f"identified_{name}", ca.DM.zeros(size)) for name, size in self.estimates.items()]
+        row = ca.vertcat(
+            scene_row, self.decide.function(self._rows["reading"], self._rows["settings"], scene_row, *known)
         )
+        function = ca.Function("step", [*inputs.values()], [row], [*inputs], ["values"])
+        return NumpyFunction(function, self.report.places)

@@ -34,17 +34,17 @@ class StepRows:
     """Of `n` robots. One object serves one thread."""
 
     def __init__(self, functions: StepFunctions, first: Array, n: int) -> None:
-        f, self.functions, self.n = functions, functions, n
+        f = functions
         self.memory, self.reading = np.tile(first, (n, 1)), np.zeros((n, f.reading.size))
-        self.settings, self.report = np.zeros((n, f.settings.size)), np.zeros((n, f.report.size))
-        self.stand = Bound(f.stand, self.memory, self.reading, self.settings)
-        self.see = Bound(f.see, self.memory, self.reading, self.settings, self.stand.row)
-        self.estimates = {name: np.zeros((n, size)) for name, size in f.estimate_sizes.items()}
+        self.settings, gaits = np.zeros((n, f.settings.size)), np.tile(f.gaits, (n, 1))
+        given = self.memory, self.reading, self.settings
+        self.stand = Bound(f.stand, *given)
+        self.see = Bound(f.see, *given, gaits, self.stand.row)
+        self.step = Bound(f.step, *given, gaits)
+        self.estimates = {name: np.zeros((n, size)) for name, size in f.estimates.items()}
         known = [self.estimates[name] for name in ESTIMATES]
         self.decide = Bound(f.decide, self.reading, self.settings, self.see.row, *known)
         self.data = Bound(f.data, self.see.row, *known)
-        self.x, self.y = (np.zeros((n, f.finish.function.numel_in(name))) for name in ("x", "y"))
-        self.tolerance = np.zeros((n, 1))
+        self.x, self.y, self.tolerance = (np.zeros((n, f.finish.function.numel_in(i))) for i in ("x", "y", "tolerance"))
         answer = self.data.row, self.x, self.y, self.tolerance
         self.finish = Bound(f.finish, self.reading, self.settings, self.see.row, *answer)
-        self.step = Bound(f.step, self.memory, self.reading, self.settings)

@@ -10,7 +10,7 @@ pitch + stance hip + stance knee / 2. For a tick the d_i are parameters that mov
 
 Path and correction are polynomials, continued outside [0, 1] so that their curvature fades: p''(s) = p''(end)
 exp(-|s - end| / FADING). Constant, it would lead a late foot far away; none at all, it would jump at the end, and with
-it y'' and the error of every estimate. `step_outputs.py` has what correction and descent are for, and g.
+it y'' and the error of every estimate. `step_begin.py` has what the correction is for, `step_landing.py` descent and g.
 """
 
 from collections.abc import Mapping
@@ -61,15 +61,6 @@ class Path(Protocol):
     def phase_angle_end(self) -> float: ...
 
 
-@dataclass(frozen=True)
-class Correction:
-    """What is added to a path: Bézier control points `coeffs` (m, 5), rad, over x = (phase - `begin`) / `width`."""
-
-    coeffs: Array
-    begin: float
-    width: float
-
-
 class OutputExpressions:
     """The outputs of coordinates with the symbols `q` and `dq` (n,), and the `parameters` that they add to a system.
 
@@ -111,13 +102,11 @@ def path_symbols(outputs: int) -> dict[str, ca.SX]:
     return {name: ca.SX.sym(name, *shape) for name, shape in shapes.items()}
 
 
-def path_row(path: Path, correction: Correction | None = None, descent: Array | None = None) -> Array:
-    """The numbers of a path in the order of `path_symbols`."""
-    m, degree = path.coeffs.shape
-    own = correction or Correction(np.zeros((m, CORRECTION_POWERS)), 0.0, 1.0)
-    powers = np.pad(to_powers(path.coeffs), ((0, 0), (0, POWERS - degree)))
-    lowered = np.zeros(m) if descent is None else descent
-    return np.concatenate([powers.ravel(), to_powers(own.coeffs).ravel(), [own.begin, own.width], lowered])
+def path_row(path: Path) -> Array:
+    """The numbers of a path, with no correction and no descent, in the order of `path_symbols`."""
+    m, points = path.coeffs.shape
+    powers = np.pad(path.coeffs @ power_matrix(points), ((0, 0), (0, POWERS - points)))
+    return np.concatenate([powers.ravel(), np.zeros(m * CORRECTION_POWERS), [0.0, 1.0], np.zeros(m)])
 
 
 def continued(coefficients: ca.SX, s: ca.SX) -> Orders:
@@ -137,20 +126,20 @@ def continued(coefficients: ca.SX, s: ca.SX) -> Orders:
 
 
 def gradual_line(x: ca.SX) -> Orders:
-    """g of `step_outputs.py`: a line of slope 1 that begins gradually at x = 0; and two derivatives."""
+    """g of `step_landing.py`: a line of slope 1 that begins gradually at x = 0; and two derivatives."""
     after = ca.fmax(x, 0) / FADING
     left = ca.exp(-after)
     return FADING * (after - 2 + (after + 2) * left), 1 - (1 + after) * left, after * left / FADING
 
 
-def to_powers(control_points: Array) -> Array:
-    """Coefficients (m, n + 1) of 1, s, s^2, ... of Bézier polynomials sum_k C(n, k) s^k (1 - s)^(n - k) c_k."""
-    degree = control_points.shape[1] - 1
-    matrix = np.zeros((degree + 1, degree + 1))
-    for k in range(degree + 1):
-        for j in range(degree - k + 1):
+def power_matrix(points: int) -> Array:
+    """By which n + 1 control points c_k become the coefficients of 1, s, s^2, ... in sum_k C(n, k) s^k (1 - s)^(n - k)
+    c_k."""
+    matrix, degree = np.zeros((points, points)), points - 1
+    for k in range(points):
+        for j in range(points - k):
             matrix[k, k + j] = comb(degree, k) * comb(degree - k, j) * (-1) ** j
-    return control_points @ matrix
+    return matrix
 
 
 @dataclass(frozen=True)
@@ -179,7 +168,7 @@ class Outputs:
 
 
 class VirtualConstraints:
-    """The outputs of a path as numbers. One object, with all that it makes by `along`, serves one thread.
+    """The outputs of a path as numbers. One object, with all that it makes by `with_row`, serves one thread.
 
     `row`: the numbers of the path; `scale` (2,): what turns a phase angle into a phase, `phase_scale` of
     `OutputExpressions`.
@@ -187,24 +176,14 @@ class VirtualConstraints:
 
     def __init__(self, path: Path, angles: Angles = RABBIT_ANGLES) -> None:
         self._outputs, self._phase, self._desired = output_functions(angles)
-        self._set(path)
+        span = path.phase_angle_end - path.phase_angle_start
+        self.row, self.scale = path_row(path), np.array([1 / span, path.phase_angle_start / span])
 
-    def along(self, path: Path) -> "VirtualConstraints":
+    def with_row(self, row: Array, scale: Array) -> "VirtualConstraints":
         """Those of another path, with the same functions."""
         other = copy(self)
-        other._set(path)
+        other.row, other.scale = row, scale
         return other
-
-    def with_correction(self, correction: Correction, descent: Array | None = None) -> "VirtualConstraints":
-        """The same path with a correction, and with `descent` (m,), rad, beyond its end."""
-        other = copy(self)
-        other.row = path_row(self._path, correction, descent)
-        return other
-
-    def _set(self, path: Path) -> None:
-        span = path.phase_angle_end - path.phase_angle_start
-        self._path, self.row = path, path_row(path)
-        self.scale = np.array([1 / span, path.phase_angle_start / span])
 
     def desired(self, phase: float) -> tuple[Array, Array, Array]:
         """The controlled angles (m,) at a phase, rad, and two derivatives in the phase."""

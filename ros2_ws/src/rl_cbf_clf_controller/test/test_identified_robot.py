@@ -113,9 +113,7 @@ def test_at_first_the_robot_is_the_nominal_one(state):
     np.testing.assert_array_equal(adaptation.shown, first)
 
 
-def fed(
-    adaptation: Identified, scene: Scene, pitch: np.ndarray, rates: np.ndarray, pause_every: int = 10**9
-) -> float:
+def fed(adaptation: Identified, scene: Scene, pitch: np.ndarray, rates: np.ndarray, pause_every: int = 10**9) -> float:
     """The variance of the rates' errors found from pitches, rad, and rates, rad/s, with a flight now and then."""
     for tick, (angle, rate) in enumerate(zip(pitch, rates, strict=True)):
         x = scene.x.copy()

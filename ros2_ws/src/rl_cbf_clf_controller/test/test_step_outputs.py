@@ -7,14 +7,21 @@ from rabbit_description.state import RobotState, StonePreview
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.parameters import load_parameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
-from rl_cbf_clf_controller.step_outputs import corrected
-from rl_cbf_clf_controller.step_paths import step_path
-from rl_cbf_clf_controller.virtual_constraints import VirtualConstraints
+from rl_cbf_clf_controller.robot_numbers import read_robot
+from rl_cbf_clf_controller.step_outputs import Steps
 
 LANDED = load_gaits("paper_stones").x_start
 ROUNDING = 1e-15  # of q
 MOST = 1e-6  # N m
 H = 1e-6  # of the phase
+
+
+STEPS = Steps(load_gaits("slopes"), load_parameters("ours"), read_robot())
+
+
+def begun(q, dq):
+    """Outputs of the step that begins there."""
+    return STEPS.begin(np.concatenate([q, dq]), stone=StonePreview(1, 0.42, 0.47))
 
 
 def landed(seed):
@@ -45,7 +52,7 @@ def test_rounding_of_the_state_changes_the_first_torque_of_a_step_by_rounding(na
 def test_desired_outputs_are_smooth_before_at_and_after_the_beginning_of_a_step(since):
     """Along a motion each derivative is the slope of the one before it."""
     q, dq = landed(0)
-    outputs = corrected(VirtualConstraints(step_path(load_gaits("slopes"), 0.38, 0.44)), q, dq)
+    outputs = begun(q, dq)
     rate = outputs.evaluate(q, dq).phase_rate
     q = q + since / rate * dq
     behind, here, ahead = (outputs.evaluate(q + step / rate * dq, dq) for step in (-H, 0, H))
@@ -57,5 +64,5 @@ def test_desired_outputs_are_smooth_before_at_and_after_the_beginning_of_a_step(
 def test_a_step_begins_without_error():
     for seed in range(20):
         q, dq = landed(seed)
-        outputs = corrected(VirtualConstraints(step_path(load_gaits("slopes"), 0.38, 0.44)), q, dq)
+        outputs = begun(q, dq)
         assert outputs.evaluate(q, dq).eta == pytest.approx(np.zeros(8), abs=1e-9)
