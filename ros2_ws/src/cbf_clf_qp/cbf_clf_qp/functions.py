@@ -4,11 +4,13 @@
     norm = NumpyFunction.of("norm", {"v": v}, {"size": ca.norm_2(v), "twice": 2 * v})
     norm(np.array([3.0, 4.0])).size                          # array([5.])
 
-Every input is copied into memory that CasADi reads. All outputs lie in one row, of which each is a view.
+Every input is copied into memory that CasADi reads. All outputs lie in one row, of which each is a view. A function
+that is called often is compiled to C, see `compiled`, and has the same bits before and after.
 """
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from math import inf
 from threading import RLock
 from typing import Any, Self
 
@@ -16,8 +18,12 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from cbf_clf_qp.compiled import Library, c_of, is_wanted
+
 Array = NDArray[Any]  # float64 unless said otherwise
 Place = tuple[slice, tuple[int, ...]]  # where in a row an array lies, and its shape
+OFTEN = 500  # calls that take as long in CasADi's virtual machine as to write the function as C
+SOON = 50  # calls until the compiler is asked again
 _building = RLock()
 
 
@@ -58,7 +64,8 @@ def view(place: slice, shape: tuple[int, ...]) -> property:
 class NumpyFunction:
     """A CasADi `function` that returns one row, with memory of its own: one object serves one thread.
 
-    `places`: the outputs in that row. A column is an array (n,), a matrix an array (n, m), row by row.
+    `places`: the outputs in that row. A column is an array (n,), a matrix an array (n, m), row by row. `fastest`: the
+    function, compiled once that is done; unlike `function`, it cannot be part of another one that is to be compiled.
     """
 
     def __init__(self, function: ca.Function, places: Mapping[str, Place]) -> None:
@@ -66,10 +73,9 @@ class NumpyFunction:
         sizes = [function.numel_in(i) for i in range(function.n_in())]
         self.arguments = [(np.zeros(size), size, name) for size, name in zip(sizes, function.name_in(), strict=True)]
         self._given, self.row = 0, np.zeros(function.numel_out())  # inputs of the last call, outputs
-        self._buffer, self.evaluate = function.buffer()  # `evaluate` computes with the memory as it is
-        for i, (argument, *_) in enumerate(self.arguments):
-            self._buffer.set_arg(i, argument.data)  # type: ignore[call-arg]  # casadi's stub is of C++
-        self._buffer.set_res(0, self.row.data)  # type: ignore[call-arg]
+        self._library: Library | None = None
+        self._rest: float = OFTEN  # calls until it is compiled
+        self._take(function)
         self.values = type("Values", (Values,), {name: view(*place) for name, place in places.items()})
 
     @classmethod
@@ -82,8 +88,44 @@ class NumpyFunction:
         function = ca.Function(name, arguments, [packed(outputs)], list(inputs), ["values"], {"cse": True})
         return cls(function, places_of(outputs, matrices))
 
+    def _take(self, function: ca.Function) -> None:
+        self.fastest = function
+        self._buffer, self.evaluate = function.buffer()  # `evaluate` computes with the memory as it is
+        for i, (argument, *_) in enumerate(self.arguments):
+            self._buffer.set_arg(i, argument.data)  # type: ignore[call-arg]  # casadi's stub is of C++
+        self._buffer.set_res(0, self.row.data)  # type: ignore[call-arg]
+
+    def count(self, calls: int) -> None:
+        """It is called so often, by others than `__call__`: after many calls it is compiled."""
+        self._rest -= calls
+        if self._rest <= 0:
+            self.compile()
+
+    def compile(self, wait: bool = False) -> None:
+        """Have it compiled in the background, or take it from the cache; `wait` until that is done."""
+        self._rest = inf
+        if self.fastest is not self.function or not is_wanted():
+            return
+        if self._library is None:
+            with building():
+                text = c_of(self.function)
+            if text is None:
+                return
+            self._library = Library(text)
+        if compiled := self._library.loaded(self._external, wait):
+            self._take(compiled)
+        elif not self._library.failed:
+            self._rest = SOON
+
+    @one_at_a_time
+    def _external(self, path: str) -> ca.Function:
+        return ca.external(self.function.name(), path)
+
     def __call__(self, *values: Array) -> Values:
         """The outputs; inputs left out are zero. Raises ValueError where one has another size than its symbol."""
+        self._rest -= 1
+        if self._rest <= 0:
+            self.compile()
         if len(values) != self._given:
             if len(values) > len(self.arguments):
                 raise ValueError(f"{len(values)} inputs; expected {', '.join(self.function.name_in())}")

@@ -17,7 +17,7 @@ from cbf_clf_qp.estimates import Estimates
 from rabbit_description.robot_states import RobotStates
 from rabbit_description.state import JOINTS, SWAP_STATE, SWAP_TORQUE, TICK_SECONDS, Array, Leg
 
-from rl_cbf_clf_controller.batch_functions import BatchFunction, answers, batch_with_daqp
+from rl_cbf_clf_controller.batch_functions import BatchFunction, answers
 from rl_cbf_clf_controller.controller import NO_TORQUE, ROUNDING, Controller, not_finite
 from rl_cbf_clf_controller.controller_output import Acted, ControllerOutput, flat
 from rl_cbf_clf_controller.policy import LearnedPolicy, Policy
@@ -85,7 +85,7 @@ class BatchController:
         self._estimators = [[each.another() for each in controller._estimators] for _ in policies]
         self._acts_at_once = isinstance(policies[0], LearnedPolicy) and len(set(map(id, policies))) == 1
         self._answers = [controller._answer.another() for _ in policies]
-        self._look, self._with_daqp = BatchFunction(controller._look), batch_with_daqp(controller._answer)
+        self._look, self._with_daqp = BatchFunction(controller._look), BatchFunction(controller._answer.with_daqp)
         self._stance = np.zeros(n, dtype=int)
         self._orders: dict[int, Array] = {}  # of the columns, by their number, for the legs that stand
         self._checked: list[Any] = [None] * n  # preview and touchdowns, of each robot

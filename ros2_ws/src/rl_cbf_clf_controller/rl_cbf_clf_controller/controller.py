@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from cbf_clf_qp.answer import Decided
 from cbf_clf_qp.estimates import Estimates, model_error
-from cbf_clf_qp.functions import one_at_a_time, places_of
+from cbf_clf_qp.functions import OFTEN, one_at_a_time, places_of
 from cbf_clf_qp.quantity import Constrained
 from rabbit_description.gait import Gaits
 from rabbit_description.state import (
@@ -226,12 +226,14 @@ class Controller:
             estimator.reset()
 
     def rehearse(self) -> None:
-        """Compute a tick that nobody walks, so that the first one that counts finds its functions made.
+        """Compute ticks that nobody walks, so that the first one that counts finds its functions made.
 
-        For a controller that walks in real time. An episode begins with `reset`.
+        And written as C, which takes as long as several ticks; they are compiled meanwhile. For a controller that walks
+        in real time. An episode begins with `reset`.
         """
         stone = StonePreview(1, 0.3, 0.4) if self.parameters.terrain == "stones" else None
-        self.step(RobotState(0, *self._start, np.zeros((2, 2)), np.zeros(2, dtype=bool), 0, stone))
+        for _ in range(OFTEN):
+            self.step(RobotState(0, *self._start, np.zeros((2, 2)), np.zeros(2, dtype=bool), 0, stone))
         self.reset(0)
 
     def step(self, state: RobotState) -> ControllerOutput:
