@@ -1,13 +1,19 @@
-"""For all tests, a package's own and those in tests/: which are thorough, hypothesis, and an error where no test ran.
+"""For all tests, a package's own and those in tests/: which are thorough, their cache, hypothesis, that some test ran.
 
 `make test` leaves out what `thorough` in pyproject.toml names. `make fuzz` chooses the profile `fuzz`, which runs every
 fuzz test much longer.
 """
 
+import os
 import signal
+from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
+
+# of compiled functions, for all workers and runs: not the user's, and kept, for a name says what is in a file;
+# `test_compiled.py` has empty ones
+os.environ["CBF_CLF_QP_CACHE"] = str(Path(__file__).parent / ".setup" / "compiled")
 
 SLOW = (HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.function_scoped_fixture)
 

@@ -128,16 +128,14 @@ def guarded(solver: str) -> tuple[str, ...]:
 
 
 def by_daqp(data: ca.MX, places: Mapping[str, Place]) -> tuple[ca.MX, ca.MX]:
-    """x (n, N) and y (k, N) as expressions of the data (size, N) of N programmes: DAQP inside a CasADi function."""
-    many, (rows, columns) = data.size2(), places["A"][1]
-    q, lower, upper, entries = (data[places[name][0], :] for name in ("q", "lower", "upper", "A"))
-    turned = ca.horzsplit(ca.reshape(entries, columns, rows * many), rows)  # A' of each
-    hessian = 2 * ca.DM.eye(columns)
+    """x (n,) and y (k,) as expressions of a programme's data: DAQP inside a CasADi function."""
+    rows, columns = places["A"][1]
+    q, lower, upper, entries = (data[places[name][0]] for name in ("q", "lower", "upper", "A"))
+    hessian, free = 2 * ca.DM.eye(columns), UNBOUNDED * ca.DM.ones(columns)
     shapes = {"h": hessian.sparsity(), "a": ca.Sparsity.dense(rows, columns)}
-    solve = ca.conic("daqp", "daqp", shapes, {"error_on_fail": False, "daqp": {"primal_tol": 1e-9}}).map(many)
-    given = {"g": q, "a": ca.horzcat(*(each.T for each in turned)), "lba": lower, "uba": upper}
-    free = UNBOUNDED * ca.DM.ones(q.shape)
-    answer = solve(h=ca.repmat(hessian, 1, many), lbx=-free, ubx=free, **given)
+    solve = ca.conic("daqp", "daqp", shapes, {"error_on_fail": False, "daqp": {"primal_tol": 1e-9}})
+    A = ca.reshape(entries, columns, rows).T
+    answer = solve(h=hessian, g=q, a=A, lba=lower, uba=upper, lbx=-free, ubx=free)
     return answer["x"], answer["lam_a"]
 
 

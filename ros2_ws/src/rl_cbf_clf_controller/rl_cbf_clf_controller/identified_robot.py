@@ -20,18 +20,14 @@ No masses explain a motor that saturates unseen. As far as the innovations say s
 that the base's rows say or to the nominal one (`identification.py`).
 """
 
-from collections.abc import Mapping
-from copy import copy
 
 import casadi as ca
 import numpy as np
-from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import NumpyFunction, packed
 from cbf_clf_qp.qp import is_finite
 from rabbit_description.planar_urdf import SLIDES
 from rabbit_description.state import DOF, JOINTS, TICK_SECONDS, Array, no_torque
 
-from rl_cbf_clf_controller.batch_functions import BatchFunction
 from rl_cbf_clf_controller.identification import (
     DAMPING,
     IDENTIFIED,
@@ -44,11 +40,9 @@ from rl_cbf_clf_controller.identification import (
     learned,
     unknown,
 )
-from rl_cbf_clf_controller.joint_calibration import OFFSETS, UNKNOWN, calibrated
-from rl_cbf_clf_controller.parameters import ControllerParameters
+from rl_cbf_clf_controller.joint_calibration import UNKNOWN, calibrated
 from rl_cbf_clf_controller.planar_robot import INERTIAL, robot_parameters
 from rl_cbf_clf_controller.robot_numbers import RobotNumbers
-from rl_cbf_clf_controller.state_prediction import prediction_function
 
 KNOWN = (*IDENTIFIED, "hip_offset", "knee_offset", "doubt")  # offsets in rad
 SETTLING = 2  # ticks on the ground before what is measured counts
@@ -57,78 +51,6 @@ CONTACT_FORCE = 1.0  # N; a foot that carries less is in the air
 PUSHED = 0.3  # rad/s, at which an error is cut: a push
 NOISE_WEIGHT = 60.0  # of the rates' measured variance: noise in the regressors does not average out
 FIRST_DIFFERENCES = 3  # before which nothing is known
-
-
-class IdentifiedRobots:
-    """N robots as identified so far, at first one; each begins as the `nominal` one. One object serves one thread.
-
-    With `gives_way` others count where the robot found does not explain what is measured. `model_error`: see
-    `cbf_clf_qp.estimates`. What is `known`, a row a robot, has the names of `first_known`.
-    """
-
-    def __init__(self, nominal: RobotNumbers, model_error: NumpyFunction, gives_way: bool = False) -> None:
-        first, alone = first_known(nominal), after_tick(nominal, gives_way)
-        self._first = np.concatenate([np.ravel(value) for value in first.values()])
-        self._lengths = nominal.joints.ravel(), nominal.feet.ravel()
-        self._after, self._predicted = BatchFunction(alone), BatchFunction(prediction_function())
-        self._model_error = BatchFunction(model_error)
-        self.known = alone.values(self._first[None].copy())
-        self._measured: Array | None = None  # the state, where another one is predicted
-
-    def another(self, robots: int) -> "IdentifiedRobots":
-        """So many other robots in the same thread: the same functions, nothing learned."""
-        other = copy(self)
-        other.known = type(self.known)(np.tile(self._first, (robots, 1)))
-        return other
-
-    def reset(self, i: int = 0) -> None:
-        """Begin an episode of robot `i`."""
-        self.known.row[i] = self._first
-
-    def keep(self, rows: Array) -> None:
-        """Go on with some of the robots, by number."""
-        self.known = type(self.known)(self.known.row[rows])
-
-    @property
-    def shown(self) -> Array:
-        """(N, 18), as in `KNOWN`, of the robots that are used."""
-        return np.concatenate([self.known.used, self.known.offsets, self.known.doubts[:, :1]], axis=1)
-
-    def tune(self, p: Array, places: Mapping[str, slice], parameters: ControllerParameters) -> Array:
-        """Set what depends on the robots found in the parameters `p` (N, ...) of a tick; where eps changes, (N,)."""
-        late, doubts = self.known.lateness, self.known.disbelief
-        eps = (1 - doubts) * parameters.eps + doubts * parameters.doubt_eps
-        is_other = (eps != p[:, places["eps"]])[:, 0]
-        p[:, places["eps"]] = eps
-        p[:, places["torque_change_weight"]] = late * parameters.torque_change_weight
-        p[:, places["stone_margin"]] = parameters.stone_margin + late * parameters.late_margin
-        return is_other
-
-    def set_right(self, q: Array) -> Array:
-        """The angles in q (N, 7), in either order of the legs."""
-        return q - self.known.offsets @ OFFSETS.T
-
-    def predicted(self, x: Array, torque: Array) -> Array:
-        """The states (N, 14) in which torques that are computed from `x` take effect, stance/swing order.
-
-        `torque` (N, 4), N m, acts until then; where it is not known, the state is that of now.
-        """
-        self._measured = x
-        found = self._predicted(x, self.known.numbers, torque, self.known.used[:, LATE_TORQUE:]).x
-        return np.where(np.isfinite(torque.sum(axis=1, keepdims=True)), found, x)
-
-    def estimate(self, tick: Array, x: Array, p: Array, force: Array, torque: Array) -> Estimates:
-        """Learn from the tick that ends now; then by how much the robots found differ from the nominal one.
-
-        Of `Scene`s, a row each.
-        """
-        end, self._measured = x if self._measured is None else self._measured, None
-        known = self.known
-        self.known = known = self._after(known.row, tick[:, None], end, force, torque, *self._lengths)
-        other, numbers = p.copy(), known.numbers
-        other[:, : numbers.shape[1]] = numbers
-        found = self._model_error(x, p, other)
-        return Estimates(found.alpha, found.beta, found.output_error)
 
 
 def first_known(nominal: RobotNumbers) -> dict[str, Array]:

@@ -1,7 +1,7 @@
 """The step of N robots: memory, readings and reports as arrays with a row for each; see `step.py`."""
 
 import numpy as np
-from cbf_clf_qp.functions import NumpyFunction
+from cbf_clf_qp.functions import NumpyFunction, one_at_a_time
 from rabbit_description.state import Array
 
 from rl_cbf_clf_controller.step import ESTIMATES, StepFunctions
@@ -15,15 +15,16 @@ class Bound:
         self.row = np.zeros((len(given[0]), function.row.size))
         self._bind()
 
+    @one_at_a_time
     def _bind(self) -> None:
-        self._fastest = self._function.fastest
-        n = len(self.row)
+        self._fastest, n = self._function.fastest, len(self.row)
         self._buffer, self._evaluate = (self._fastest if n == 1 else self._fastest.map(n)).buffer()
         for i, array in enumerate(self._given):
             self._buffer.set_arg(i, array.reshape(-1).data)
         self._buffer.set_res(0, self.row.reshape(-1).data)
 
     def __call__(self) -> Array:
+        self._function.count(len(self.row))
         if self._function.fastest is not self._fastest:
             self._bind()
         self._evaluate()

@@ -8,7 +8,7 @@ from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import NumpyFunction
 from cbf_clf_qp.system import System
 from cbf_clf_qp.tick import Tick
-from rl_cbf_clf_controller.batch_functions import BatchFunction, answers, batch_with_daqp
+from rl_cbf_clf_controller.batch_functions import BatchFunction, answers
 
 
 def norm() -> NumpyFunction:
@@ -40,7 +40,9 @@ def test_a_wall_each_and_one_state_that_is_no_number(solver: str) -> None:
     walls = np.array([[0.9], [0.9], [0.9], [0.0]])
     none = Estimates.of_many([tick.no_error()] * 4)
     robots = [tick.answer.another() for _ in states]
-    decided = answers(robots, batch_with_daqp(tick.answer), states, walls, none.alpha, none.beta, none.output_error)
+    decided = answers(
+        robots, BatchFunction(tick.answer.with_daqp), states, walls, none.alpha, none.beta, none.output_error
+    )
     assert decided.solved.tolist() == [True, True, False, True]
     for i in (0, 1, 3):
         alone = Tick(cart, [Clf(x - 1, eps=0.2), Barrier("wall", wall - x, poles=(8, 8))], limit=100, solver=solver)

@@ -1,0 +1,261 @@
+"""Compiled functions: the same bits, in any number of processes and threads, and without a compiler."""
+
+import os
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from cbf_clf_qp import Barrier, Clf, NumpyFunction, System, Tick, compiled
+from cbf_clf_qp.functions import OFTEN
+
+SCRIPT = """
+import resource, sys
+import casadi as ca
+import numpy as np
+from cbf_clf_qp import NumpyFunction
+x = ca.SX.sym("x", 3)
+functions = [NumpyFunction.of(f"f{i}", {"x": x}, {"y": ca.sin(x) / 3 + i}) for i in (0, 1)]
+if "full" in sys.argv:
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
+for function in functions:
+    function.compile(wait="leave" not in sys.argv)
+    print(function(np.arange(3.0)).row.tobytes().hex(), function.fastest is not function.function)
+"""
+ROWS = [(np.sin(np.arange(3.0)) / 3 + i).tobytes().hex() for i in (0, 1)]
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    for name in (compiled.COMPILE, compiled.CACHE, "CC"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    return tmp_path / "cache" / "cbf_clf_qp"
+
+
+def smooth() -> NumpyFunction:
+    """Every kind of operation."""
+    x, y = ca.SX.sym("x", 3), ca.SX.sym("y")
+    found = {"a": ca.vertcat(ca.sin(x[0]) / x[1], ca.exp(-(x[2] ** 2)), x[0] ** 3, 2 * x[1], ca.tanh(x[2]) + y)}
+    found |= {"b": ca.vertcat(ca.fmax(x[0], y), ca.if_else(x[0] > x[1], x[2], -x[2]), ca.fabs(x[1]), 7, y)}
+    found |= {"c": ca.vertcat(ca.logic_or(x[0] > 0, x[1] > 0), ca.sign(x[2]), ca.sqrt(x[0]), 1 / x[1], x[1] ** y)}
+    found |= {"d": ca.vertcat(ca.cos(x[0]) * x[1] + x[2], ca.atan2(x[0], x[1]), ca.fmin(x[0], y), ca.log(x[2]))}
+    return NumpyFunction.of("f", {"x": x, "y": y}, found)
+
+
+def with_daqp() -> NumpyFunction:
+    """A cart that goes to x = 1, with a wall."""
+    x, v, u, wall = (ca.SX.sym(name) for name in ("x", "v", "u", "wall"))
+    cart = System(ca.vertcat(x, v), u, ca.vertcat(v, u / 2.0), parameters=[wall])
+    tick = Tick(cart, [Clf(x - 1, eps=0.2), Barrier("wall", wall - x, poles=(8, 8))], limit=100, solver="daqp")
+    return tick.answer.with_daqp
+
+
+def inputs(function: NumpyFunction, n: int) -> list[np.ndarray[Any, Any]]:
+    """N rows of each input: of all sizes, and some that are no numbers."""
+    rng = np.random.default_rng(0)
+    rows = [rng.normal(size=(n, size)) * 10 ** rng.uniform(-4, 3, (n, 1)) for _, size, _ in function.arguments]
+    for i, value in enumerate((0.0, -0.0, np.inf, -np.inf, np.nan, 1e200)):
+        each = rows[i % len(rows)]
+        each[i :: max(n // 5, 7), i % each.shape[1]] = value
+    return rows
+
+
+def same(one: Any, other: Any) -> bool:
+    """To the bit, but for those of NaN."""
+    one, other = (np.nan_to_num(each, nan=1.5e300, posinf=np.inf, neginf=-np.inf) for each in (one, other))
+    return bool(one.tobytes() == other.tobytes())
+
+
+def run(*given: str, **environment: str) -> tuple[list[list[str]], str]:
+    """What the script says, line by line, and its stderr."""
+    done = subprocess.run(
+        [sys.executable, "-c", SCRIPT, *given], env={**os.environ, **environment}, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    return [line.split() for line in done.stdout.splitlines()], done.stderr
+
+
+def program(path: Path, text: str) -> str:
+    path.write_text(f"#!/bin/sh\n{text}\n")
+    path.chmod(0o755)
+    return str(path)
+
+
+@pytest.mark.parametrize("make", [smooth, with_daqp])
+def test_bits_are_those_of_the_virtual_machine_alone_and_many_at_once(make: Any) -> None:
+    function, n = make(), OFTEN - 100
+    rows = inputs(function, n)
+    expected = np.array([function(*each).row for each in zip(*rows, strict=True)])
+    assert function.fastest is function.function
+    function.compile(wait=True)
+    assert function.fastest is not function.function
+    assert same(expected, [function(*each).row for each in zip(*rows, strict=True)])
+    for of in (function.function, function.fastest):
+        at_once = NumpyFunction(of.map(n), {})
+        at_once(*rows)
+        assert same(expected, at_once.row.reshape(n, -1))
+    assert same(function(rows[0][0]).row, make()(rows[0][0]).row)  # the others are left out
+
+
+def test_a_function_is_compiled_while_it_is_called(cache: Path) -> None:
+    function, rows = smooth(), inputs(smooth(), OFTEN)
+    expected = [smooth()(*each).row for each in zip(*rows, strict=True)]
+    for i in range(OFTEN - 1):
+        assert same(function(*(each[i] for each in rows)).row, expected[i])
+    assert not cache.exists()
+    calls = 0
+    while function.fastest is function.function:  # until the test's time is over
+        i, calls = calls % OFTEN, calls + 1
+        assert same(function(*(each[i] for each in rows)).row, expected[i])
+    assert len(list(cache.iterdir())) == 1
+
+
+def test_calls_that_others_make_count() -> None:
+    function = smooth()
+    function.count(OFTEN)
+    while function.fastest is function.function:
+        function.count(1)
+
+
+def test_what_is_compiled_is_kept(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    smooth().compile(wait=True)
+    assert [each.suffix for each in cache.iterdir()] == [".so"]
+    monkeypatch.setattr(subprocess, "Popen", None)
+    function = smooth()
+    function.compile()
+    assert function.fastest is not function.function
+
+
+@pytest.mark.parametrize("keep", [0, 20, 5000, -1])
+def test_a_damaged_library_is_made_again(keep: int, cache: Path) -> None:
+    """None of it is loaded: half a library can end the process."""
+    smooth().compile(wait=True)
+    (library,) = cache.iterdir()
+    whole = library.read_bytes()
+    library.unlink()
+    library.write_bytes(whole[:keep])
+    function = smooth()
+    function.compile()
+    assert function.fastest is function.function
+    function.compile(wait=True)
+    assert function.fastest is not function.function
+    assert library.read_bytes()[: -compiled.DIGEST] == whole[: -compiled.DIGEST]
+
+
+def test_a_library_that_cannot_be_loaded_is_done_without(
+    cache: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(compiled, "_said", [])
+    smooth().compile(wait=True)
+    (library,) = cache.iterdir()
+    library.unlink()
+    library.write_bytes(b"none" + sha256(b"none").digest())
+    function = smooth()
+    for _ in range(2):
+        function.compile(wait=True)
+    assert function.fastest is function.function
+    assert capfd.readouterr().err.count("\n") == 1
+
+
+def test_processes_compile_at_once(cache: Path) -> None:
+    with ThreadPoolExecutor(3) as pool:
+        for said, errors in pool.map(lambda _: run(), range(3)):
+            assert (said, errors) == ([[row, "True"] for row in ROWS], "")
+    assert [each.suffix for each in cache.iterdir()] == [".so", ".so"]
+
+
+def broken(what: str, folder: Path) -> dict[str, str]:
+    """The environment of a process that cannot compile."""
+    if what == "no compiler":
+        return {"CC": "no-compiler -m64"}
+    if what == "no words":
+        return {"CC": '"'}
+    if what == "broken compiler":
+        return {"CC": program(folder / "cc", "echo said; echo 'fatal error: all\n is lost' >&2; exit 1")}
+    if what == "idle compiler":
+        return {"CC": program(folder / "cc", "exit 0")}
+    if what == "full disk":
+        return {}  # files may have 1000 bytes
+    (folder / "file").write_text("")
+    return {"XDG_CACHE_HOME": str(folder / "file")} if what == "no folder" else {"CBF_CLF_QP_CACHE": "/proc/1/nothing"}
+
+
+@pytest.mark.parametrize(
+    "what", ["no compiler", "no words", "broken compiler", "idle compiler", "full disk", "no folder", "read-only cache"]
+)
+def test_without_a_compiler_there_is_one_line_and_the_virtual_machine(what: str, tmp_path: Path, cache: Path) -> None:
+    said, errors = run(what.split()[0], **broken(what, tmp_path))
+    assert said == [[row, "False"] for row in ROWS]
+    assert errors.startswith("cbf_clf_qp: functions are not compiled, and slower: ")
+    assert errors.count("\n") == 1
+    assert not cache.exists() or not list(cache.iterdir())
+
+
+def test_it_can_be_turned_off(cache: Path) -> None:
+    assert run(CBF_CLF_QP_COMPILE="0", CC="no-compiler") == ([[row, "False"] for row in ROWS], "")
+    assert not cache.exists()
+
+
+def test_a_process_ends_without_waiting_for_its_compiler(tmp_path: Path, cache: Path) -> None:
+    """And leaves neither the compiler nor its folder."""
+    compiler = program(tmp_path / "cc", f"echo $$ > {tmp_path}/pid; sleep 3600")
+    assert run("leave", CC=compiler) == ([[row, "False"] for row in ROWS], "")
+    if (tmp_path / "pid").exists():  # it was not stopped before it began
+        assert not Path("/proc", (tmp_path / "pid").read_text().strip()).exists()
+    assert not list(cache.iterdir())
+
+
+def test_what_a_killed_process_has_left_is_removed(cache: Path) -> None:
+    cache.mkdir(parents=True)
+    for name, age in (("compiling-old", 2 * compiled.ABANDONED), ("compiling-new", 0), ("old.so", 2 * compiled.UNUSED)):
+        path = cache / name
+        path.write_text("") if path.suffix else path.mkdir()
+        then = path.stat().st_mtime - age
+        os.utime(path, (then, then))
+    function = smooth()
+    function.compile(wait=True)
+    assert sorted(each.name[:9] for each in cache.iterdir() if each.name[:9] == "compiling") == ["compiling"]
+    assert not {"compiling-old", "old.so"}.intersection(each.name for each in cache.iterdir())
+
+
+def test_threads_call_one_library_at_once() -> None:
+    """DAQP has memory, which none may share."""
+    rows = inputs(with_daqp(), 200)
+
+    def called(function: NumpyFunction) -> list[Any]:
+        return [function(*each).row for _ in range(20) for each in zip(*rows, strict=True)]
+
+    functions = [with_daqp() for _ in range(4)]
+    for function in functions:
+        function.compile(wait=True)
+    with ThreadPoolExecutor(4) as pool:
+        found = list(pool.map(called, functions))
+    assert all(same(each, called(with_daqp())) for each in found)
+
+
+def test_a_forked_process_compiles_its_own(cache: Path) -> None:
+    function = smooth()
+    function.compile()  # begun
+    if not (child := os.fork()):
+        function.compile(wait=True)
+        os._exit(function.fastest is function.function)
+    assert os.waitpid(child, 0)[1] == 0
+    function.compile(wait=True)
+    assert function.fastest is not function.function
+
+
+def test_what_c_would_do_differently_stays_as_it_is(cache: Path) -> None:
+    """A root that is not found is an error, which a C function cannot raise."""
+    x, p = ca.MX.sym("x"), ca.MX.sym("p")
+    root = ca.rootfinder("root", "newton", {"x": x, "p": p, "g": x**2 - p})
+    function = NumpyFunction(ca.Function("f", [p], [root(x0=1, p=p)["x"]]), {})
+    function.compile(wait=True)
+    assert function.fastest is function.function
+    assert function(np.array([4.0])).row == pytest.approx([2.0])
+    assert not cache.exists()
