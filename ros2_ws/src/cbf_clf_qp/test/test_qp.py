@@ -79,30 +79,15 @@ def test_the_solvers_agree() -> None:
         assert p.unroot @ x[:M] == pytest.approx(first.mu, abs=1e-6)
 
 
-def test_osqp_is_asked_only_where_other_rows_are_active(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The answer is the one that OSQP gives to a programme that it has never seen, bit for bit."""
-    answering, fresh, rng = programme("osqp", True), programme("osqp", True), np.random.default_rng(8)
-    solve, asked = answering._osqp.solve, []
-    monkeypatch.setattr(answering._osqp, "solve", lambda p: asked.append(p) or solve(p))
-    data = draw(rng)
-    for _ in range(100):
-        data = [part + 1e-3 * rng.standard_normal(part.shape) for part in data]
-        fresh.reset()
-        for one, other in zip(answering(*data).values.row, fresh(*data).values.row, strict=True):
-            assert one == other
-    assert 1 <= len(asked) < 50
-
-
 def test_an_answer_that_is_wrong_is_not_solved(monkeypatch: pytest.MonkeyPatch) -> None:
     """A feasible point that is no minimum, with multipliers that make the gradient zero: DAQP is asked instead."""
     answering, data = programme("osqp", False), draw(np.random.default_rng(7))
     right = answering(*data)
-    answering.reset()  # else the rows of the last answer give this one
 
     def wrong(p: Any) -> Any:
         x = p.q * 0
         x[M:] = 100.0  # slacks so large that every soft row holds
-        return x, np.linalg.lstsq(p.A.T, -(2 * x + p.q), rcond=None)[0], "solved"
+        return x, np.linalg.lstsq(p.A.T, -(2 * x + p.q), rcond=None)[0], TOLERANCE, "solved"
 
     monkeypatch.setattr(answering._osqp, "solve", wrong)
     assert answering._by_osqp(*data)[0].residual[0] > TOLERANCE

@@ -12,8 +12,7 @@ class Bound:
 
     def __init__(self, function: NumpyFunction, *given: Array) -> None:
         self._function, self._given = function, given
-        self.row = np.zeros((len(given[0]), function.row.size))
-        self._bind()
+        self.row, self._fastest = np.zeros((len(given[0]), function.row.size)), None  # bound at its first call
 
     @one_at_a_time
     def _bind(self) -> None:

@@ -3,12 +3,9 @@
 import casadi as ca
 import numpy as np
 import pytest
-from cbf_clf_qp.constraints import Barrier, Clf
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import NumpyFunction
-from cbf_clf_qp.system import System
-from cbf_clf_qp.tick import Tick
-from rl_cbf_clf_controller.batch_functions import BatchFunction, answers
+from rl_cbf_clf_controller.batch_functions import BatchFunction
 
 
 def norm() -> NumpyFunction:
@@ -28,26 +25,6 @@ def test_rows_are_the_values_of_each() -> None:
 def test_a_wrong_size_names_the_input() -> None:
     with pytest.raises(ValueError, match="v has 6 numbers; expected 2 for each of 2"):
         BatchFunction(norm())(np.ones((2, 3)), np.ones(1))
-
-
-@pytest.mark.parametrize("solver", ["daqp", "osqp"])
-def test_a_wall_each_and_one_state_that_is_no_number(solver: str) -> None:
-    """x'' = u / 2 with the wall at 0.9 or where the cart is: u is each cart's own, also beside one that has none."""
-    x, v, u, wall = (ca.SX.sym(name) for name in ("x", "v", "u", "wall"))
-    cart = System(ca.vertcat(x, v), u, ca.vertcat(v, u / 2.0), parameters=[wall])
-    tick = Tick(cart, [Clf(x - 1, eps=0.2), Barrier("wall", wall - x, poles=(8, 8))], limit=100, solver=solver)
-    states = np.array([[0.0, 0.0], [0.8, 0.1], [np.nan, 0.0], [0.0, 0.0]])
-    walls = np.array([[0.9], [0.9], [0.9], [0.0]])
-    none = Estimates.of_many([tick.no_error()] * 4)
-    robots = [tick.answer.another() for _ in states]
-    decided = answers(
-        robots, BatchFunction(tick.answer.with_daqp), states, walls, none.alpha, none.beta, none.output_error
-    )
-    assert decided.solved.tolist() == [True, True, False, True]
-    for i in (0, 1, 3):
-        alone = Tick(cart, [Clf(x - 1, eps=0.2), Barrier("wall", wall - x, poles=(8, 8))], limit=100, solver=solver)
-        assert np.array_equal(decided.values.u[i], alone(states[i], wall=walls[i, 0]).u)
-    assert decided.values.u[3] < 1e-3  # at rest at its wall: no push, but for the row's slack of last resort
 
 
 def test_estimates_add_up_robot_by_robot() -> None:
