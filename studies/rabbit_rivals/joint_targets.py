@@ -20,11 +20,12 @@ from pydantic import Field
 from rabbit_description.state import SWAP_TORQUE, Array, Leg, RobotState
 from rl_cbf_clf_controller.controller import NO_NOISE, Controller
 from rl_cbf_clf_controller.controller_output import ControllerOutput, seen_fields
+from rl_cbf_clf_controller.network import Actor
 from rl_cbf_clf_controller.policy import Policy
 from rl_cbf_clf_controller.residual_policy import of_one
 from rl_cbf_clf_controller.scene import Scene
 from rl_cbf_clf_controller.uncertainty import UNITS
-from rl_cbf_clf_controller.weights import Actor, layer_shapes
+from rl_cbf_clf_controller.weights import layer_shapes
 
 from rabbit_rivals.model_file import About, ModelFile, read
 

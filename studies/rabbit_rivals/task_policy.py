@@ -24,7 +24,8 @@ from own_systems.task import Moved, OwnController
 from pydantic import Field
 from rabbit_residual.fleet import Rollout
 from rabbit_residual.ppo import Ppo, PpoParameters
-from rl_cbf_clf_controller.weights import Actor, PolicyFileError, layer_shapes
+from rl_cbf_clf_controller.network import Actor
+from rl_cbf_clf_controller.weights import PolicyFileError, layer_shapes
 
 from rabbit_rivals.model_file import About, ModelFile, read
 

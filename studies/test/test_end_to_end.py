@@ -13,7 +13,7 @@ from rabbit_rivals.dagger import Dagger, DaggerParameters
 from rabbit_rivals.end_to_end import Options, options, train
 from rabbit_rivals.joint_targets import NetworkAbout
 from rabbit_rivals.model_file import read
-from rl_cbf_clf_controller.weights import Actor
+from rl_cbf_clf_controller.network import Actor
 
 SMALL = {
     "ppo": PpoParameters(hidden=8, minibatch=16),

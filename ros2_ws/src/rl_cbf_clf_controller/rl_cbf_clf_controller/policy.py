@@ -24,9 +24,10 @@ from cbf_clf_qp.functions import NumpyFunction
 from rabbit_description.state import Array
 
 from rl_cbf_clf_controller.batch_functions import BatchFunction
+from rl_cbf_clf_controller.network import Actor
 from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.scene import Estimator, Scene
-from rl_cbf_clf_controller.weights import Actor, PolicyFile
+from rl_cbf_clf_controller.weights import PolicyFile
 
 STONE_WIDTH = 0.05  # m, of the stones that the paper trains on
 
@@ -73,7 +74,7 @@ class ZeroPolicy(LearnedPolicy):
 
 
 class ActorPolicy(LearnedPolicy):
-    """The actor's forward pass in numpy, from a checked policy file. One object serves one thread."""
+    """The actor's forward pass, from a checked policy file. One object serves one thread."""
 
     def __init__(self, file: PolicyFile) -> None:
         self.file = file

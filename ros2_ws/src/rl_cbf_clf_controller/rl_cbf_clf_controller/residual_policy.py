@@ -17,9 +17,10 @@ from cbf_clf_qp.estimates import Estimates
 from rabbit_description.planar_urdf import BASE
 from rabbit_description.state import DOF, JOINTS, TICK_SECONDS, Array
 
+from rl_cbf_clf_controller.network import Actor
 from rl_cbf_clf_controller.policy import Policy
 from rl_cbf_clf_controller.scene import Scene
-from rl_cbf_clf_controller.weights import RESIDUAL_FRAME, Actor, PolicyFile
+from rl_cbf_clf_controller.weights import RESIDUAL_FRAME, PolicyFile
 
 SCALE = 40.0  # rad/s^2
 FRAME = len(RESIDUAL_FRAME)

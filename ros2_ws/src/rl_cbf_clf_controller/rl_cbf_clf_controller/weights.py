@@ -18,8 +18,8 @@ from rabbit_description.atomic_file import replacing
 from rabbit_description.bounded_file import FileError, read_bytes
 from rabbit_description.validation import one_line
 from safetensors.numpy import load, save
-from scipy.linalg.blas import dgemv
 
+from rl_cbf_clf_controller.network import Actor
 from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.uncertainty import PAPER
 
@@ -246,32 +246,6 @@ def policy_path(name: str) -> Path:
 def shipped_policies() -> list[str]:
     """Names of the policies that come with the controller; each learning controller's own has its name."""
     return sorted(path.stem for path in SHIPPED.glob("*.safetensors"))
-
-
-class Actor:
-    """The network of these arrays: from a scaled observation (m,), or N of them (N, m), to outputs in [-1, 1].
-
-    In double precision: sums of float32 depend on their order, and so on the processor, by 1e-7.
-    A row of N has the bits that it has alone. N go layer by layer, so that the weights stay near.
-    """
-
-    def __init__(self, arrays: Arrays) -> None:
-        double = {name: array.astype(float) for name, array in arrays.items()}
-        self._layers = [(double[f"{layer}.weight"].T, double[f"{layer}.bias"]) for layer in range(3)]
-
-    def __call__(self, scaled: NDArray[Any]) -> NDArray[np.float64]:
-        values = scaled
-        for layer, (weights, bias) in enumerate(self._layers):
-            if layer:
-                np.maximum(values, 0.0, out=values)
-            if values.ndim == 1:
-                values = dgemv(1, weights, values, 1, bias, 0, 1, 0, 1, 1)  # transposed
-                continue
-            rows, values = values.astype(float, copy=False), np.tile(bias, (len(values), 1))
-            for row, result in zip(rows, values, strict=True):
-                dgemv(1, weights, row, 1, result, 0, 1, 0, 1, 1, 1)  # transposed, into `result`
-        outputs: NDArray[np.float64] = np.tanh(values, out=values)
-        return outputs
 
 
 def layer_shapes(*units: int) -> dict[str, tuple[int, ...]]:

@@ -1,0 +1,101 @@
+"""The actor's network, with ReLU and tanh: `network.c`, once many rows were asked for, or numpy with the same bits.
+
+In double precision. Each unit adds to its bias its inputs times their weights, in order, and leaves out inputs that are
+zero, as half of them are behind a ReLU. BLAS adds in an order of its own: its outputs differ in the last bits.
+"""
+
+import ctypes
+from math import inf
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from cbf_clf_qp.compiled import Library
+from cbf_clf_qp.functions import OFTEN, SOON
+from numpy.typing import NDArray
+
+SOURCE = Path(__file__).with_name("network.c")
+LAYERS = 3
+
+
+class CompiledNetwork:
+    """`forward` of `network.c`, for all networks of the process; None as long as it is not compiled."""
+
+    def __init__(self) -> None:
+        self.forward: Any = None
+        self._library: Library | None = None
+        self._rest: float = OFTEN  # rows until it is compiled
+
+    def count(self, rows: int) -> None:
+        """So many rows are asked for: after many it is compiled in the background."""
+        self._rest -= rows
+        if self._rest <= 0:
+            self.compile()
+
+    def compile(self, wait: bool = False) -> None:
+        """Have it compiled, or take it from the cache; `wait` until that is done."""
+        self._library = self._library or Library(SOURCE.read_text(), "-O3")
+        self.forward = self.forward or self._library.loaded(forward_of, wait)
+        self._rest = inf if self.forward or self._library.failed else SOON
+
+
+NETWORK = CompiledNetwork()
+
+
+def forward_of(path: str) -> Any:
+    """That of the library there."""
+    function = ctypes.CDLL(path).forward
+    pointer, integer = ctypes.c_void_p, ctypes.c_longlong
+    function.argtypes, function.restype = (integer, pointer, integer, pointer, pointer, pointer, pointer), None
+    return function
+
+
+class Actor:
+    """The network of these arrays: from a scaled observation (m,), or N of them (N, m), to outputs in [-1, 1].
+
+    A row of N has the bits that it has alone. Raises ValueError for observations of another size.
+    """
+
+    def __init__(self, arrays: dict[str, NDArray[np.float32]]) -> None:
+        self._arrays = arrays
+        weights = [arrays[f"{i}.weight"].T for i in range(LAYERS)]
+        biases = [arrays[f"{i}.bias"] + 0.0 for i in range(LAYERS)]  # no -0.0, which a term of zero would make 0.0
+        self._weights = np.concatenate([each.ravel() for each in weights], dtype=np.float32)
+        self._biases = np.concatenate(biases, dtype=float)
+        self._sizes = np.array([len(weights[0]), *map(len, biases)])
+        self._inputs, self._outputs = len(weights[0]), len(biases[-1])
+        self._widest, self._units = int(self._sizes[:-1].max()), int(self._sizes[1:].sum())
+        self._given = self._sizes.ctypes.data, self._widest, self._weights.ctypes.data, self._biases.ctypes.data
+
+    def __reduce__(self) -> tuple[Any, ...]:  # a copy has its own addresses
+        return Actor, (self._arrays,)
+
+    def __call__(self, scaled: NDArray[Any]) -> NDArray[np.float64]:
+        *many, inputs = scaled.shape
+        if inputs != self._inputs:
+            raise ValueError(f"observations have {inputs} numbers; expected {self._inputs}")
+        x, n = np.ascontiguousarray(scaled, dtype=float), scaled.size // inputs
+        NETWORK.count(n)
+        if NETWORK.forward:
+            memory = np.empty(self._widest + n * self._units)
+            NETWORK.forward(n, *self._given, x.ctypes.data, memory.ctypes.data)
+            y = memory[memory.size - n * self._outputs :]
+        else:
+            with np.errstate(all="ignore"):  # as in C
+                y = np.array([self._in_numpy(row) for row in x.reshape(n, inputs)])
+        outputs: NDArray[np.float64] = np.tanh(y).reshape(*many, self._outputs)
+        return outputs
+
+    def _in_numpy(self, y: NDArray[Any]) -> NDArray[Any]:
+        at = bias_at = 0
+        for layer, (inputs, outputs) in enumerate(zip(self._sizes[:-1], self._sizes[1:], strict=True)):
+            if layer:
+                y = np.maximum(y, 0.0)
+            used = y.nonzero()[0]
+            weights, bias = self._weights[at : at + inputs * outputs], self._biases[bias_at : bias_at + outputs]
+            terms = np.zeros((len(used) + 1, outputs + 1))  # numpy would add up a single column in another order
+            terms[0, :-1] = bias
+            np.multiply(weights.reshape(inputs, outputs)[used], y[used, None], out=terms[1:, :-1])
+            y = np.add.reduce(terms, axis=0)[:-1]
+            at, bias_at = at + inputs * outputs, bias_at + outputs
+        return y
