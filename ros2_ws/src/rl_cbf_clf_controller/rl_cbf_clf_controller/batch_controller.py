@@ -314,11 +314,11 @@ class BatchController:
 
     def _read(self, states: "RobotStates | RobotState") -> None:
         """Into the rows."""
-        given, alone = self._given, isinstance(states, RobotState)
+        given = self._given
         given["q"][...], given["dq"][...], given["contact"][...] = states.q, states.dq, states.contact
         given["applied"][...], self._force[...] = states.applied, states.foot_force
         self._tick[...], self._touchdowns[...] = states.tick, states.touchdowns
-        for i, stone in enumerate([states.preview] if alone else states.previews):
+        for i, stone in enumerate([states.preview] if isinstance(states, RobotState) else states.previews):
             if stone is not self._previews[i]:
                 self._previews[i] = stone
                 given["stone"][i] = NO_STONE if stone is None else astuple(stone)

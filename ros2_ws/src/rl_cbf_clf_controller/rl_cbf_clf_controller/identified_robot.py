@@ -20,7 +20,6 @@ No masses explain a motor that saturates unseen. As far as the innovations say s
 that the base's rows say or to the nominal one (`identification.py`).
 """
 
-
 import casadi as ca
 import numpy as np
 from cbf_clf_qp.functions import NumpyFunction, packed

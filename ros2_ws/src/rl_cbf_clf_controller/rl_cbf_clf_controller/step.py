@@ -74,7 +74,7 @@ class Layout:
         return ca.vertcat(*(values[name] for name in self.sizes))
 
 
-def call(function: NumpyFunction, values: Mapping[str, ca.MX]) -> dict[str, ca.MX]:
+def call(function: NumpyFunction, values: Mapping[str, Any]) -> dict[str, ca.MX]:
     """What a function gives of the inputs that it names, by name; a matrix as a column, row by row."""
     row = function.function(*(values[name] for name in function.function.name_in()))
     return {name: row[place] for name, (place, _) in function.places.items()}

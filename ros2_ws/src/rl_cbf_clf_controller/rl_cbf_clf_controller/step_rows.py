@@ -1,5 +1,7 @@
 """The step of N robots: memory, readings and reports as arrays with a row for each; see `step.py`."""
 
+from typing import Any
+
 import numpy as np
 from cbf_clf_qp.functions import NumpyFunction, one_at_a_time
 from rabbit_description.state import Array
@@ -12,7 +14,8 @@ class Bound:
 
     def __init__(self, function: NumpyFunction, *given: Array) -> None:
         self._function, self._given = function, given
-        self.row, self._fastest = np.zeros((len(given[0]), function.row.size)), None  # bound at its first call
+        self.row = np.zeros((len(given[0]), function.row.size))
+        self._fastest: Any = None  # bound at its first call
 
     @one_at_a_time
     def _bind(self) -> None:
