@@ -63,5 +63,11 @@ class CommandGuard:
             if self.acts.any() and age > self._p.timeout:
                 self._stop(f"no {name} for {age:.3f} s; expected one every {self._p.timeout:g} s")
 
+    def alone(self, masters: int) -> bool:
+        """Whether no more than one commands; of several nobody knows which one is the bridge, and none is obeyed."""
+        if masters > 1:
+            self._stop(f"{masters} publishers of stamped_commands; expected the bridge alone")
+        return masters <= 1
+
     def _stop(self, reason: str) -> None:
         self.acts, self.fault = REST, self.fault or reason

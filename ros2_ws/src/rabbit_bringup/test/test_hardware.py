@@ -166,6 +166,20 @@ def guard(**changes):
     return made
 
 
+def test_of_two_masters_none_is_obeyed_until_one_commands_zero():
+    made = guard()
+    assert made.alone(1)
+    assert made.acts.any()
+    assert not made.alone(2)
+    assert not made.acts.any()
+    assert made.alone(1)
+    made.command(FULL, 100 * TICK, 0.0)
+    assert not made.acts.any()
+    made.command(np.zeros(4), 100 * TICK, 0.0)
+    made.command(FULL, 100 * TICK, 0.0)
+    assert made.acts.any()
+
+
 def test_a_command_acts_no_longer_than_its_time_out():
     made = guard(timeout=0.05)
     made.sense(105 * TICK, 0.049)

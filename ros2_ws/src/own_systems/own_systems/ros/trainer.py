@@ -63,6 +63,9 @@ class TrainerNode(SimulatorFollower):
         self._diagnostics = Diagnostics(self, self._message_counter, self._status)
         self._learning: Thread | None = None  # after an episode
         self._after = 0  # the simulator's episode before the planned one
+        self._is_over = False  # its end was announced
+        self._states = dict[int, tuple[Array, Array, int]]()  # of ticks to come
+        self._tick = 0
         self._begin()
         self._hear_simulator(msg.RobotState, "state", self._on_state, TICK)
         self._hear_simulator(msg.TaskParameters, "parameters", self._on_parameters, TICK)
@@ -131,8 +134,8 @@ class TrainerNode(SimulatorFollower):
 
     def _listen(self) -> None:
         """Publish the plan, and expect its first tick."""
-        self._is_over = False  # its end was announced
-        self._states, self._p, self._tick = dict[int, tuple[Array, Array, int]](), dict[int, Array](), 0
+        self._is_over = False
+        self._states, self._p, self._tick = {}, dict[int, Array](), 0
         self._u, self._impacts = np.zeros(0), 0  # the newest input; impacts before it
         self._end = -1  # how many ticks the episode had, once that is known
         self._exploring = beginning(self.task, self._plan.seed)[2]

@@ -35,7 +35,7 @@ class CommandGuardNode(CheckedNode):
         take_priority(own.priority, self.get_logger().warning)
         self._guard, self._said = CommandGuard(own), ""
         self._commands = self.create_publisher(Float64MultiArray, "commands", 10)
-        self._hear(JointState, "stamped_commands", self._on_command, QoSProfile(depth=10))
+        self._masters = self._hear(JointState, "stamped_commands", self._on_command, QoSProfile(depth=10))
         self._hear(JointState, "joint_states", self._on_joints, qos_profile_sensor_data)
         self._diagnostics = Diagnostics(self, self._message_counter, self._status)
         steady_timer(self, LOOK_SECONDS, self._look)
@@ -53,12 +53,15 @@ class CommandGuardNode(CheckedNode):
             raise Refused("other joints", f"name = {list(message.name)[:8]}; expected {', '.join(ACTUATED)}")
         check_lengths(message, {"effort": len(ACTUATED)})
         check_finite("effort", message.effort)
+        if not self._guard.alone(self._masters.get_publisher_count()):
+            raise Refused("several masters", self._guard.fault)
         self._message_counter.accept("stamped_commands")
         self._guard.command(np.array(message.effort), nanoseconds(message.header.stamp), time.monotonic())
         self._send()
 
     def _look(self) -> None:
         self._guard.look(time.monotonic())
+        self._guard.alone(self._masters.get_publisher_count())
         if not self._guard.acts.any():
             self._send()
 
