@@ -2,7 +2,7 @@
 
     seen        of (x, p, path, torque, before)   what is seen of a state: `look` of `tick_functions`
     estimates   of (seen, policy)                 the actor, in double precision; of a policy of zeros they are zero
-    answered    of (seen, estimates)              the QP, by DAQP, and polished
+    answered    of (seen, estimates)              the QP, by DAQP
 
 All functions are those of `rl_cbf_clf_controller` and of the core, put one after another. State, robot, gains, path and
 policy are inputs, so that controllers with the same rows and objective share a function.
@@ -69,7 +69,7 @@ def tick_in_c(name: str, parameters: ControllerParameters) -> TickInC:
     estimates = estimated(problem, policy, outputs, seen["LgV"])
     data = answer.programme.function(seen["prepared"], *estimates.values())
     x, y = by_daqp(data, answer.programme.places)
-    answered = split(answer.reading, answer.polished_reading.function(data, x, y))
+    answered = split(answer.reading, answer.reading.function(data, x, y))
     shown = {key: seen[key] for key in SEEN} | {key: answered[key] for key in ANSWERED}
     shown |= {key: estimates[key] for key in ("alpha", "beta")}
     inputs = {**dict(zip(look.function.name_in(), symbols, strict=True)), "policy": numbers}

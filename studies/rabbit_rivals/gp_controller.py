@@ -50,7 +50,9 @@ class GpAbout(About):
 
 
 class GpPolicy(Policy):
-    """A GP for each quantity: its mean as alpha and beta; `deviations` of the last tick, (5, 5) each, and `slopes` (5, 4) over mu.
+    """A GP for each quantity: its mean as alpha and beta.
+
+    Of the last tick: `deviations`, (5, 5) each, and `slopes` (5, 4) over mu.
 
     |deviation [1, mu]| is the standard deviation of the quantity's error, in its unit.
     """

@@ -29,7 +29,7 @@ from rl_trainer.rollout import Record, rollout
 ROOT = Path(__file__).resolve().parents[2]
 NODE = Path(__file__).with_name("walk_in_node.mjs")
 POLICY = str(policy_path("rl-cbf-clf-qp"))
-OPTIMAL = 1e-12  # KKT residual of a polished answer; times the largest numbers of a tick it is far below EQUAL
+OPTIMAL = 1e-12  # KKT residual of an answer; times the largest numbers of a tick it is far below EQUAL
 EQUAL = 1e-6  # N m
 SEEDS = range(1, 21)
 SETTINGS: dict[str, float] = {"mass_scale": 2.0, "payload": 0.0, "ground_friction": 1.5, "stone_width": 0.05}

@@ -3,12 +3,12 @@
 from types import SimpleNamespace
 
 import numpy as np
+import numpy_steps
 import pytest
 from rabbit_description.gait import load_gaits
 from rabbit_experiments.assembly import AssemblyError
 from rabbit_gait_design.speed_model.fit import NAMES, SpeedModelError, errors, fitted, rows, without_mean
 from rabbit_gait_design.speed_model.walks import CHANGE, Explorer, Steps, exploring_walks
-from rl_cbf_clf_controller import step_outputs
 from rl_cbf_clf_controller.parameters import load_parameters
 from rl_cbf_clf_controller.robot_numbers import read_robot
 from rl_cbf_clf_controller.speed_regulation import MOST
@@ -72,7 +72,7 @@ def test_too_few_steps_are_refused() -> None:
 
 def test_slopes_that_explore_stay_within_the_library_and_are_seen() -> None:
     gaits = load_gaits("slopes")
-    steps, (q, dq), slopes = step_outputs.Steps(gaits, load_parameters("best"), read_robot()), gaits.x_start, [0.0]
+    steps, (q, dq), slopes = numpy_steps.Steps(gaits, load_parameters("best"), read_robot()), gaits.x_start, [0.0]
     explorer = Explorer(steps, np.random.default_rng(1))
     for index, haste in enumerate(np.random.default_rng(2).uniform(0.7, 1.3, 200), 1):
         steps.begin(np.concatenate([q, haste * dq]), 0.45)

@@ -61,7 +61,7 @@ def settled(slope: float) -> float:
     parts = replace(stones(controller, terrain="flat", slope=slope, stones=30, mass_scale=1.0), policy="oracle")
     simulation, built = parts.build()
     found: list[float] = []
-    rollout(simulation, built, SEED, lambda record: found.append(built.steps.slope))
+    rollout(simulation, built, SEED, lambda record: found.append(float(built.steps.slopes[0])))
     simulation.close()
     return sum(found[-500:]) / 500
 

@@ -36,10 +36,10 @@ class BenchOptions(BaseModel):
 @app.command()
 @options(BenchOptions, ControllerParameters, SimulationParameters, defaults=DEFAULTS)
 def bench(given: Given) -> None:
-    """Time a tick, the plant and an evaluation: each against its floor, in the same run.
+    """Time ticks, walks and a batch of the usual controllers, each beside its floor in the same run.
 
-    With `--batch N`: N robots at once in MuJoCo against `mujoco.rollout` alone, and evaluation in a batch against one
-    run at a time.
+    With `--batch N`: N robots of these options at once in MuJoCo against `mujoco.rollout` alone, and evaluation in a
+    batch against one run at a time.
     """
     request = given.build(BenchOptions)
     out = new_file(request.out or Path("runs") / f"{datetime.now():%Y%m%d-%H%M%S}-bench.json")
@@ -55,20 +55,17 @@ def bench(given: Given) -> None:
         figures = bench_batch(assembly, request.batch, request.ticks, request.seed)
         show_batch(figures)
     else:
-        figures = bench.bench(assembly, request.seed)
+        figures = bench.bench(request.seed)
         show(figures)
     write_figures(out, figures)
     print(f"written to {out}")
 
 
-def show(figures: dict[str, Any]) -> None:
-    """Times and ratios on the screen."""
+def show(figures: dict[str, float]) -> None:
+    """On the screen."""
     from rabbit_campaigns.figures import print_table
 
-    times = [(name, f"{us['p50']:.1f}", f"{us['p99']:.1f}") for name, us in figures["us"].items()]
-    print_table(("microseconds", "median", "p99"), times, f"{figures['ticks']} ticks")
-    print_table(("ratio", ""), [(name, f"{ratio:.2f}") for name, ratio in figures["ratios"].items()])
-    print(f"a walk in process: {figures['real_time_factor']:.1f} times real time")
+    print_table(("figure", ""), [(name, f"{value:.3g}") for name, value in figures.items()])
 
 
 def show_batch(found: dict[str, Any]) -> None:

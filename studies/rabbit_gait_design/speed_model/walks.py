@@ -11,7 +11,7 @@ from rabbit_experiments.cache import Cache
 from rabbit_experiments.conditions import EVALUATION_LAG
 from rabbit_experiments.evaluation import SeededRun, episode, episode_seeds
 from rabbit_sim.parameters import SimulationParameters
-from rl_cbf_clf_controller import step_outputs
+from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_trainer.rollout import Record
 
@@ -35,7 +35,7 @@ class Steps(BaseModel):
 class Explorer:
     """Changes each slope that the regulation chooses at random, as an observer; `seen` of the steps that ended."""
 
-    steps: step_outputs.Steps
+    controller: Controller
     rng: np.random.Generator
     seen: Steps = field(default_factory=lambda: Steps(slopes=[], speeds=[]))
 
@@ -44,12 +44,13 @@ class Explorer:
 
     def draw(self) -> None:
         """What is added at the next touchdown."""
-        self.steps.slope_change = self.rng.uniform(-CHANGE, CHANGE)
+        self.controller.settings.slope_change[:] = self.rng.uniform(-CHANGE, CHANGE)
 
     def __call__(self, record: Record) -> None:
         if record.output.step_index > len(self.seen.slopes):
-            self.seen.slopes.append(float(self.steps.kept("slopes")[1]))
-            self.seen.speeds.append(float(self.steps.kept("speed")[0]))
+            steps = self.controller.steps
+            self.seen.slopes.append(float(steps.slopes[1]))
+            self.seen.speeds.append(float(steps.speed[0]))
             self.draw()
 
 
@@ -62,9 +63,9 @@ class ExploringWalk(SeededRun):
     def do(self) -> Steps:
         simulation, controller = self.assembly.build()
         try:
-            if controller.steps.shape.slopes == 1:
+            if controller.shape.slopes == 1:
                 raise AssemblyError("gait", f"{self.assembly.controller.gait}: expected a library with slopes")
-            explorer = Explorer(controller.steps, np.random.default_rng([self.seed, 1]))
+            explorer = Explorer(controller, np.random.default_rng([self.seed, 1]))
             episode(simulation, controller, self.seed, explorer)
         finally:
             simulation.close()

@@ -122,7 +122,8 @@ def test_a_tick_that_no_solver_answered_is_refused(
     tmp_path: Path, write_bag: WriteBag, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bag = write_bag(tmp_path / "bag")
-    monkeypatch.setattr("cbf_clf_qp.answer.TOLERANCE", -1.0)
+    for module in ("cbf_clf_qp.answer", "rl_cbf_clf_controller.step"):
+        monkeypatch.setattr(f"{module}.TOLERANCE", -1.0)
     monkeypatch.setattr("rabbit_recording.explaining.ROUNDING", np.inf)
     with pytest.raises(RecordingError, match="tick 0 of episode 1 cannot be explained: no solver answered"):
         explain_tick(bag, 0)

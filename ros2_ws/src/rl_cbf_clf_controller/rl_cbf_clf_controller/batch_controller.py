@@ -15,7 +15,7 @@ from cbf_clf_qp.answer import INVALID, Decided
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import Values
 from rabbit_description.robot_states import RobotStates
-from rabbit_description.state import DOF, JOINTS, Array, RobotState
+from rabbit_description.state import DOF, JOINTS, Array, RobotState, StonePreview
 
 from rl_cbf_clf_controller.controller_output import NOTHING, Acted, ControllerOutput, flat
 from rl_cbf_clf_controller.policy import LearnedPolicy, Policy, ZeroPolicy
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from rl_cbf_clf_controller.parameters import ControllerParameters
 
 NO_NOISE = np.zeros(JOINTS)
-NO_STONE = (np.nan,) * 4
+NO_STONE = astuple(StonePreview(0, np.nan, np.nan, np.nan))
 BEGUN = (
     "stance",
     "index",

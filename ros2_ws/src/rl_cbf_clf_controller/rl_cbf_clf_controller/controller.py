@@ -21,7 +21,7 @@ from rl_cbf_clf_controller.batch_controller import BatchController, BatchOutput,
 from rl_cbf_clf_controller.controller_output import NOTHING, Acted, ControllerOutput, seen_fields
 from rl_cbf_clf_controller.kinds import find_kind
 from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_cbf_clf_controller.policy import Policy
+from rl_cbf_clf_controller.policy import Policy, ZeroPolicy
 from rl_cbf_clf_controller.recipes import barriers_of, make_tick
 from rl_cbf_clf_controller.robot_numbers import read_robot
 from rl_cbf_clf_controller.scene import ControllerError, Scene
@@ -73,9 +73,9 @@ class Controller:
         self.solvers = guarded(parameters.qp_solver)
         self._parameters = parameters
         self.estimators = self._kind.estimators(parameters)
-        self._start, self._is_single = gait.x_start, Shape.of(gait).is_single
+        self._start, self.shape = gait.x_start, Shape.of(gait)
         on_stones = parameters.terrain == "stones"
-        self.observed = len(STATE_OBSERVATION) + (1 + (not self._is_single) if on_stones else 0)
+        self.observed = len(STATE_OBSERVATION) + (1 + (not self.shape.is_single) if on_stones else 0)
         self.is_one_function = self.solvers[0] == "daqp" and not self.estimators
         self._check(policy)
         self._robots = BatchController(self, [policy])
@@ -134,6 +134,16 @@ class Controller:
         return self._robots.memory[0]
 
     @property
+    def steps(self) -> Values:
+        """What is kept from step to step, see `step_begin.kept_at_first`."""
+        return self.functions.steps(self.memory.steps)
+
+    @property
+    def settings(self) -> Values:
+        """What may change while it walks, by the names of `step.SETTINGS`; it may be written to."""
+        return self._robots.settings[0]
+
+    @property
     def unanswered(self) -> int:
         """Ticks since construction that the chosen solver did not answer itself."""
         return self._robots.unanswered
@@ -142,11 +152,23 @@ class Controller:
         """Begin an episode: left leg stands; the exploration noise starts from `seed`."""
         self._robots.reset(0, seed)
 
+    def compile(self, wait: bool = False) -> None:
+        """Have the functions of a tick compiled in the background, or take them from the cache; `wait` for it.
+
+        Without it that begins after some hundred ticks.
+        """
+        f = self.functions
+        alone = self.is_one_function and isinstance(self.policy, ZeroPolicy)
+        after = (f.decide,) if self.solvers[0] == "daqp" else (f.data, f.finish)
+        for function in (f.step,) if alone else (f.stand, f.see, *after):
+            function.compile(wait)
+
     def rehearse(self) -> None:
         """Compute a tick that nobody walks, so that the first one that counts finds its functions made.
 
         For a controller that walks in real time. An episode begins with `reset`.
         """
+        self.compile()
         stone = StonePreview(1, 0.3, 0.4) if self.parameters.terrain == "stones" else None
         self.step(RobotState(0, *self._start, np.zeros((2, 2)), np.zeros(2, dtype=bool), 0, stone))
         self.reset(0)

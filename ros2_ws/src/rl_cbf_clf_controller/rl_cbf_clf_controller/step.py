@@ -12,16 +12,28 @@ as C, for one robot or many, and always give the same bits.
 """
 
 from collections.abc import Mapping
+from dataclasses import fields
 from typing import Any
 
 import casadi as ca
 import numpy as np
 from cbf_clf_qp.answer import TOLERANCE, by_daqp
 from cbf_clf_qp.estimates import model_error
-from cbf_clf_qp.functions import NumpyFunction, Place, values_type
+from cbf_clf_qp.functions import NumpyFunction, Place, places_of, values_type
 from cbf_clf_qp.tick import Tick
 from rabbit_description.gait import Gaits
-from rabbit_description.state import DOF, JOINTS, SWAP_STATE, SWAP_TORQUE, TICK_SECONDS, Array, no_torque
+from rabbit_description.planar_urdf import SLIDES
+from rabbit_description.state import (
+    DOF,
+    FEET,
+    JOINTS,
+    SWAP_STATE,
+    SWAP_TORQUE,
+    TICK_SECONDS,
+    Array,
+    StonePreview,
+    no_torque,
+)
 
 from rl_cbf_clf_controller.identification import LATE_TORQUE
 from rl_cbf_clf_controller.identified_robot import after_tick, first_known
@@ -29,8 +41,8 @@ from rl_cbf_clf_controller.joint_calibration import OFFSETS
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.robot_numbers import Feet, RobotNumbers
 from rl_cbf_clf_controller.state_prediction import prediction_function
-from rl_cbf_clf_controller.step_begin import step_functions
-from rl_cbf_clf_controller.step_paths import Shape, gait_row
+from rl_cbf_clf_controller.step_begin import kept_at_first, step_functions
+from rl_cbf_clf_controller.step_paths import GaitExpressions, Shape, gait_row
 from rl_cbf_clf_controller.tick_functions import tick_functions
 from rl_cbf_clf_controller.walking import GAINS, Walking
 
@@ -38,9 +50,10 @@ NEVER = -2  # a tick that none follows
 ROUNDING = 1e-6  # N m, by which the QP may be over the limit
 CARRIED = 20.0  # N; a foot that presses less may be falling
 FARTHEST_STONE, HIGHEST_STONE = 2.0, 0.5  # m; the latter up or down
+FORCES = len(FEET) * SLIDES  # tangential and normal
 READING = {
-    **{"tick": 1, "touchdowns": 1, "q": DOF, "dq": DOF, "foot_force": 4, "contact": 2, "applied": JOINTS},
-    **{"stone": 4, "noise": JOINTS},  # index, l_min, l_max, height
+    **{"tick": 1, "touchdowns": 1, "q": DOF, "dq": DOF, "foot_force": FORCES, "contact": len(FEET)},
+    **{"applied": JOINTS, "stone": len(fields(StonePreview)), "noise": JOINTS},
 }
 SETTINGS = ("swap_time", "swap_phase", "doubt_eps", "late_margin", "stone_aim", "slope_change", *GAINS)
 ESTIMATES = "alpha", "beta", "output_error"
@@ -144,7 +157,7 @@ def ordered(values: ca.SX, swapped: Any, is_right: ca.SX) -> ca.SX:
 
 def tracking_function(robot: RobotNumbers, tracks: bool) -> NumpyFunction:
     """How far the stance foot has `moved` since it came down, m, and the `stone` in sight less that."""
-    s = symbols({"x": 2 * DOF, "force": 4, "place": 2, "moved": 2, "carries": 1, "stone": 3, "stone_before": 3})
+    s = symbols({"x": 2 * DOF, "force": FORCES, "place": 2, "moved": 2, "carries": 1, "stone": 3, "stone_before": 3})
     carries = s["force"][1] > CARRIED
     feet = Feet(robot)
     stand = feet.function.function(s["x"][:DOF], *(ca.DM(np.ravel(each)) for each in feet.lengths))
@@ -210,7 +223,9 @@ class StepFunctions:
         self.known = self._after.places if self._after else {}  # of the identified robot, in `known` of the memory
         self.seen, answering, left = tick_functions(walking, tick)
         self.programme, self.answer = answering.programme, answering.reading
-        first, begin = step_functions(Shape.of(gaits), parameters.speed_regulation)
+        shape = Shape.of(gaits)
+        first, begin = step_functions(shape, parameters.speed_regulation)
+        self.steps = values_type(places_of(kept_at_first(GaitExpressions(shape), shape)))  # of `steps` in the memory
         self.gaits = gait_row(gaits)
         self._first = [np.array(each).ravel() for each in first(self.gaits)]
         steps = {"path": begin.numel_out("path"), "phase_scale": 2, "steps": begin.numel_out("steps_after"), "place": 2}
@@ -309,7 +324,7 @@ class StepFunctions:
         symbols = [ca.MX.sym(name, value.numel()) for name, value in zip(begin.name_in(), arguments, strict=True)]
         before = ca.MX.sym("before", steps.size)
         path, phase_scale, after, place = begin(*symbols)
-        new = {"path": path, "phase_scale": phase_scale, "steps": after, "place": place}
+        new: dict[str, Any] = {"path": path, "phase_scale": phase_scale, "steps": after, "place": place}
         new |= {"moved": ca.DM.zeros(2), "carries": ca.DM(1), "has_begun": ca.DM(1)}
         begins = ca.Function("begins", [*symbols, before], [steps.joined(new)])
         goes_on = ca.Function("goes_on", [*symbols, before], [ca.MX(before)])

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from numpy_steps import Steps
 from rabbit_description.gait import load_gaits
 from rabbit_description.state import RobotState, StonePreview
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.parameters import load_parameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_cbf_clf_controller.robot_numbers import read_robot
-from rl_cbf_clf_controller.step_outputs import Steps
 
 LANDED = load_gaits("paper_stones").x_start
 ROUNDING = 1e-15  # of q

@@ -7,7 +7,6 @@ import numpy as np
 from cbf_clf_qp.functions import NumpyFunction, Values, places_of
 from rabbit_description.gait import Gaits
 from rabbit_description.state import Array, StonePreview
-
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.robot_numbers import RobotNumbers
 from rl_cbf_clf_controller.step_begin import kept_at_first, step_functions
