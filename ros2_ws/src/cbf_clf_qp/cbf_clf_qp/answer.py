@@ -9,6 +9,7 @@ guard: what counts is the KKT residual of an answer, and not what a solver says 
 
 import signal
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from time import perf_counter
 from typing import Any, ClassVar, Protocol
@@ -21,6 +22,7 @@ from cbf_clf_qp.qp import ROUNDING, UNBOUNDED, Layout, reading
 
 SOLVERS = "daqp", "osqp"
 TOLERANCE = 1e-6  # KKT residual that is let pass, relative to 1 + |x|, of a hard row to its own bounds
+EXACT = 1e-12  # of a row's value, over 1 + |bound|
 INVALID = "data not valid"
 
 
@@ -205,7 +207,12 @@ def exact(data: Values, x: Array, y: Array) -> tuple[Array, Array]:
     A, y, free = data.A[active], np.zeros(len(y)), -0.5 * data.q
     if not active.any() or not np.isfinite(value).all():
         return free, y
-    b = np.where(at_upper, data.upper, data.lower)[active]
-    x = free + np.linalg.lstsq(A, b - A @ free, rcond=None)[0]
-    y[active] = np.linalg.lstsq(A.T, 2 * (free - x), rcond=None)[0]
+    b, half = np.where(at_upper, data.upper, data.lower)[active], np.zeros(0)
+    with suppress(np.linalg.LinAlgError):  # of rows of which one says what others say
+        half = np.linalg.solve(A @ A.T, A @ free - b)
+        x = free - A.T @ half
+    if not half.size or (np.abs(A @ x - b) > EXACT * (1 + np.abs(b))).any():
+        x = free + np.linalg.lstsq(A, b - A @ free, rcond=None)[0]
+        half = np.linalg.lstsq(A.T, free - x, rcond=None)[0]
+    y[active] = 2 * half
     return x, y

@@ -265,25 +265,51 @@ class BatchController:
 
     def step(self, states: "RobotStates | RobotState") -> BatchOutput:
         """The torques for one tick; see `Controller.step`. Those of a state that is refused mean nothing."""
-        if not (self._one.is_one_function and all(type(policy) is ZeroPolicy for policy in self.policies)):
+        policy = None if self._estimators[0] else self._only_policy()
+        if policy is None:
             return self.decide(self.look(states))
-        start, rows, errors = perf_counter(), self._rows, dict[int, str]()
+        start, rows, n = perf_counter(), self._rows, self._n
         self._read(states)
-        omega = self._noise()
-        report = rows.step().copy()
-        is_sound = 0.0 not in report[:, self._is_sound].tolist()
-        if is_sound:
-            rows.memory[...] = report[:, self._to_memory]
-        else:
-            at = self._one.places
-            errors = self._errors(states, report[:, at["refused"]][:, 0])
-            if not report[:, at["solved"]].all():
-                return self.decide(self.look(states), omega=omega)
-            known = [i for i in range(self._n) if i not in errors]
-            rows.memory[known] = report[known, self._to_memory]
-        answered = ["daqp"] * self._n, ["solved"] * self._n, (perf_counter() - start) / self._n
-        reading = rows.reading[:, self._counts].copy()
-        return BatchOutput(self._one, report, reading, self.policies[:], omega, answered, errors, is_sound)
+        omega, parts, is_sound, solver, status = self._noise(), None, False, ["daqp"] * n, ["solved"] * n
+        if type(policy) is ZeroPolicy and self._one.solvers[0] == "daqp":
+            report = rows.step().copy()
+            is_sound = 0.0 not in report[:, self._is_sound].tolist()
+        if not is_sound:
+            parts = self._learned(policy, rows.look())
+            acted, solver, status = self._solved()
+            report = np.concatenate([rows.look.row, acted], axis=1)
+            is_sound = 0.0 not in report[:, self._is_sound].tolist()
+        errors = {} if is_sound else self._errors(states, report[:, self._one.places["refused"]][:, 0])
+        known = slice(None) if is_sound else [i for i in range(n) if i not in errors]
+        rows.memory[known] = report[known, self._to_memory]
+        answered, reading = (solver, status, (perf_counter() - start) / n), rows.reading[:, self._counts].copy()
+        return BatchOutput(self._one, report, reading, self.policies[:], omega, answered, errors, is_sound, parts)
+
+    def _only_policy(self) -> LearnedPolicy | None:
+        """That of all robots, where it needs nothing but the observation and always gives an output error."""
+        policy = self.policies[0]
+        if isinstance(policy, LearnedPolicy) and (type(policy) is ZeroPolicy or policy.is_structured):
+            return policy if all(each is policy for each in self.policies) else None
+        return None
+
+    def _learned(self, policy: LearnedPolicy, seen: Array) -> list[Estimates]:
+        """The estimates of the policy and of the identified robots, into the rows."""
+        at = self._one.functions.seen.places
+        if type(policy) is ZeroPolicy:
+            parts = estimated(self._one, seen)
+            return self._take(parts, sum(parts[1:], parts[0]))
+        here = self._one.places["seen"].start
+        observation, LgV = (seen[:, here + at[i][0].start : here + at[i][0].stop] for i in ("observation", "LgV"))
+        parts = [policy.act_of_many(observation[:, : self._one.observed], LgV)]
+        if self._one.functions.identifies:
+            parts += estimated(self._one, seen)[1:]
+        return self._take(parts, sum(parts[1:], parts[0]))
+
+    def _take(self, parts: list[Estimates], total: Estimates) -> list[Estimates]:
+        """Those in all, into the rows."""
+        for name, values in vars(total).items():
+            self._rows.estimates[name][...] = 0 if values is None else values.reshape(self._n, -1)
+        return parts
 
     def _noise(self) -> Array:
         """To explore with, (N, 4)."""
@@ -349,8 +375,7 @@ class BatchController:
         for i in range(n) if total.output_error is None else ():
             with refusing(scene.errors, i):
                 self._one.check_estimates(total)
-        rows.estimates["alpha"][...], rows.estimates["beta"][...] = total.alpha.reshape(n, -1), total.beta
-        rows.estimates["output_error"][...] = 0 if total.output_error is None else total.output_error.reshape(n, -1)
+        self._take(parts, total)
         omega = self._noise() if omega is None else omega
         acted, solver, status = self._solved()
         known = [i for i in range(n) if i not in scene.errors]

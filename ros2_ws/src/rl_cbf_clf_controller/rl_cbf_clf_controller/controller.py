@@ -76,7 +76,6 @@ class Controller:
         self._start, self.shape = gait.x_start, Shape.of(gait)
         on_stones = parameters.terrain == "stones"
         self.observed = len(STATE_OBSERVATION) + (1 + (not self.shape.is_single) if on_stones else 0)
-        self.is_one_function = self.solvers[0] == "daqp" and not self.estimators
         self._check(policy)
         self._robots = BatchController(self, [policy])
 
@@ -119,7 +118,6 @@ class Controller:
 
     @policy.setter
     def policy(self, policy: Policy) -> None:
-        self.is_one_function = self.solvers[0] == "daqp" and not self.estimators
         self._check(policy)
         self._robots.policies[0] = policy
 
@@ -157,10 +155,11 @@ class Controller:
 
         Without it that begins after some hundred ticks.
         """
-        f = self.functions
-        alone = self.is_one_function and isinstance(self.policy, ZeroPolicy)
-        after = (f.decide,) if self.solvers[0] == "daqp" else (f.data, f.finish)
-        for function in (f.step,) if alone else (f.stand, f.see, *after):
+        f, is_inside = self.functions, self.solvers[0] == "daqp"
+        after = (f.decide,) if is_inside else (f.data, f.finish)
+        seeing = (f.stand, f.see) if self.estimators else (f.look,)
+        is_one = is_inside and not self.estimators and type(self.policy) is ZeroPolicy
+        for function in (f.step,) if is_one else (*seeing, *after):
             function.compile(wait)
 
     def rehearse(self) -> None:

@@ -45,7 +45,12 @@ class Policy(Estimator):
 
 
 class LearnedPolicy(Policy):
-    """A policy that sees of a tick only its observation and LgV, and nothing of a model."""
+    """A policy that sees of a tick only its observation and LgV, and nothing of a model.
+
+    `is_structured`: it always gives an output error.
+    """
+
+    is_structured = False
 
     @abstractmethod
     def act(self, observation: Array, LgV: Array) -> Estimates:
@@ -83,7 +88,7 @@ class ActorPolicy(LearnedPolicy):
         self.adaptation = form.adaptation or "none"
         self._center = np.array(form.observation_center)
         self._inverse_scale = 1 / np.array(form.observation_scale)
-        self._structured = form.structured
+        self.is_structured = form.structured
         scales = form.alpha_scale, form.beta_scale
         self._estimates = estimate_function(*scales, form.structured, "V" in form.names, form.m)
         self._estimates_of_many = BatchFunction(self._estimates)
@@ -107,7 +112,7 @@ class ActorPolicy(LearnedPolicy):
             read = self.file.metadata.observation[-1]
             raise ValueError(f"policy {self.version} reads {read}: expected a gait library")
         found = estimates(self._actor((observation[..., :size] - self._center) * self._inverse_scale), LgV)
-        return found.alpha, found.beta, found.output_error if self._structured else None
+        return found.alpha, found.beta, found.output_error if self.is_structured else None
 
 
 def estimate_function(

@@ -243,7 +243,7 @@ class StepFunctions:
         self.stand = self._stand()
         self.see = self._see(begin, Layout(steps))
         self.data, self.finish, self.decide = self._decide()
-        self.step = self._step()
+        self.look, self.step = self._step()
 
     def first(self, eps: float) -> Array:
         """The memory with which an episode begins."""
@@ -361,16 +361,15 @@ class StepFunctions:
         decide = NumpyFunction(ca.Function("decide", [*inputs.values()], [row], [*inputs], ["values"]), finish.places)
         return data, finish, decide
 
-    def _step(self) -> NumpyFunction:
-        """All, with the identified robot's estimates or none."""
+    def _step(self) -> tuple[NumpyFunction, NumpyFunction]:
+        """`look`: stand and see. `step`: all, with the identified robot's estimates or none."""
         self.acted = Layout.of(self.finish)
         self.report = Layout(self.scene.sizes | self.acted.sizes)
         inputs = {**self._rows, "gaits": self._gaits}
         scene_row = self.see.function(*inputs.values(), self.stand.function(*self._rows.values()))
+        look = ca.Function("look", [*inputs.values()], [scene_row], [*inputs], ["values"])
         scene = self.scene.parts(scene_row)
         known = [scene.get(f"identified_{name}", ca.DM.zeros(size)) for name, size in self.estimates.items()]
-        row = ca.vertcat(
-            scene_row, self.decide.function(self._rows["reading"], self._rows["settings"], scene_row, *known)
-        )
-        function = ca.Function("step", [*inputs.values()], [row], [*inputs], ["values"])
-        return NumpyFunction(function, self.report.places)
+        acted = self.decide.function(self._rows["reading"], self._rows["settings"], scene_row, *known)
+        step = ca.Function("step", [*inputs.values()], [ca.vertcat(scene_row, acted)], [*inputs], ["values"])
+        return NumpyFunction(look, self.scene.places), NumpyFunction(step, self.report.places)

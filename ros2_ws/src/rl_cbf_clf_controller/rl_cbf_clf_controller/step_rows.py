@@ -12,9 +12,10 @@ from rl_cbf_clf_controller.step import ESTIMATES, StepFunctions
 class Bound:
     """A function of rows, bound to the arrays that it reads: each call computes `row` anew, (N, size)."""
 
-    def __init__(self, function: NumpyFunction, *given: Array) -> None:
+    def __init__(self, function: NumpyFunction, *given: Array, row: Array | None = None) -> None:
+        """`row`: where the outputs go, if not into an array of its own."""
         self._function, self._given = function, given
-        self.row = np.zeros((len(given[0]), function.row.size))
+        self.row = np.zeros((len(given[0]), function.row.size)) if row is None else row
         self._fastest: Any = None  # bound at its first call
 
     @one_at_a_time
@@ -43,6 +44,7 @@ class StepRows:
         given = self.memory, self.reading, self.settings
         self.stand = Bound(f.stand, *given)
         self.see = Bound(f.see, *given, gaits, self.stand.row)
+        self.look = Bound(f.look, *given, gaits, row=self.see.row)
         self.step = Bound(f.step, *given, gaits)
         self.estimates = {name: np.zeros((n, size)) for name, size in f.estimates.items()}
         known = [self.estimates[name] for name in ESTIMATES]
