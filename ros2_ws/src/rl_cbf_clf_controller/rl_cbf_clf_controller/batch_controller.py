@@ -14,16 +14,18 @@ import numpy as np
 from cbf_clf_qp.answer import INVALID, Decided
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import Values
+from cbf_clf_qp.qp import ROUNDING as AT_BOUND
 from rabbit_description.robot_states import RobotStates
-from rabbit_description.state import DOF, JOINTS, Array, RobotState, StonePreview
+from rabbit_description.state import DOF, JOINTS, Array, Leg, RobotState, StonePreview
 
-from rl_cbf_clf_controller.controller_output import NOTHING, Acted, ControllerOutput, flat
+from rl_cbf_clf_controller.controller_output import Acted, ControllerOutput
 from rl_cbf_clf_controller.policy import LearnedPolicy, Policy, ZeroPolicy
 from rl_cbf_clf_controller.residual_policy import Memory, ResidualPolicy
 from rl_cbf_clf_controller.scene import ControllerError, Estimator, Scene
 from rl_cbf_clf_controller.step import (
     DISAGREEMENT,
     DQ,
+    ESTIMATES,
     FARTHEST_STONE,
     HIGHEST_STONE,
     NEVER,
@@ -38,6 +40,8 @@ if TYPE_CHECKING:
 
 NO_NOISE = np.zeros(JOINTS)
 NO_STONE = astuple(StonePreview(0, np.nan, np.nan, np.nan))
+SEEN = ("eta", "barriers", "barrier_rates", "LgV", "nominal_a", "nominal_b", "mu_held", "measured")
+LEGS = tuple(Leg)
 BEGUN = (
     "stance",
     "index",
@@ -73,6 +77,32 @@ def refusing(errors: dict[int, str], i: int) -> Iterator[None]:
         errors.setdefault(i, f"controller error: {error}")
 
 
+class OutputPlaces:
+    """Where in a report a `ControllerOutput` finds its arrays and numbers."""
+
+    def __init__(self, one: "Controller") -> None:
+        f, at, self.alpha = one.functions, one.places, one.qp.no_error().alpha.shape
+        seen = {name: shifted(place, at["seen"]) for name, (place, _) in f.seen.places.items()}
+        answer = {name: shifted(place, at["answer"]) for name, (place, _) in f.answer.places.items()}
+        self.arrays = {name: seen[name] for name in SEEN}
+        start = seen["observation"].start
+        self.arrays |= {"observation": slice(start, start + one.observed), "margins": answer["row_margin"]}
+        self.arrays |= {"slacks": answer["slack"], "multipliers": answer["multiplier"]}
+        self.identified = dict[str, slice]()
+        if f.identifies:
+            alpha, beta, error = (at[f"identified_{name}"] for name in ESTIMATES)
+            self.identified = {"identified": at["identified"], "adapted": slice(alpha.start, error.stop)}
+            self.identified |= {"alpha": alpha, "beta": beta}
+        self.margin = answer["margin"]
+        numbers = at["index"], at["stance"], at["step_time"], seen["phase"], seen["V"], at["solved"]
+        self.scalars = [place.start for place in numbers]
+
+
+def shifted(place: slice, within: slice) -> slice:
+    """The place of what lies there in a part of a row."""
+    return slice(place.start + within.start, place.stop + within.start)
+
+
 class BatchOutput:
     """What a tick decides, a row a robot; see `ControllerOutput`. `torque` (N, 4): left/right order, saturated, N m.
 
@@ -99,10 +129,44 @@ class BatchOutput:
 
     def __getitem__(self, i: int) -> ControllerOutput:
         """Of robot `i`."""
-        identified, adapted = NOTHING, NOTHING
-        if self._one.functions.identifies:
-            identified, adapted = self._part("identified")[i], flat(self.parts[1][i])
-        return self._one.output_of(self.scene[i], self.act(i), self.decided[i], self.estimates[i], identified, adapted)
+        one, row = self._one, self._report[i]
+        at, parameters = one.output_places, one.parameters
+        arrays = {name: row[place] for name, place in at.arrays.items()}
+        if self._parts is None and one.functions.identifies:
+            arrays |= {name: row[place] for name, place in at.identified.items()}
+            arrays["alpha"] = arrays["alpha"].reshape(at.alpha)
+        else:
+            of_all = self.estimates
+            arrays |= {"alpha": of_all.alpha[i], "beta": of_all.beta[i]}
+            if one.functions.identifies:
+                arrays |= {name: row[at.identified[name]] for name in ("identified", "adapted")}
+        arrays["nominal_a"] = arrays["nominal_a"].reshape(at.alpha)
+        solver, status, seconds = self._answered
+        layout, margins = one.qp.layout, row[at.margin].tolist()
+        clf_slack, rescue_slack = layout.slack_sums(arrays["slacks"])
+        index, stance, step_time, phase, V, solved = (row.item(place) for place in at.scalars)
+        return ControllerOutput(
+            **arrays,
+            **vars(self.act(i)),
+            tick=int(self._reading[i, 0]),
+            stance=LEGS[int(stance)],
+            step_index=int(index),
+            step_time=step_time,
+            phase=phase,
+            V=V,
+            barrier_names=one.barrier_names,
+            quantities=one.qp.names,
+            clf_slack=clf_slack,
+            rescue_slack=rescue_slack,
+            active=tuple(name for name, margin in zip(layout.names, margins, strict=True) if margin < AT_BOUND),
+            rows=layout.names,
+            solver=solver[i],
+            status=status[i],
+            answered=solved > 0 and solver[i] == parameters.qp_solver,
+            solve_seconds=seconds,
+            objective=parameters.objective,
+            adaptation=parameters.adaptation,
+        )
 
     def act(self, i: int) -> Acted:
         """What acts on robot `i`."""

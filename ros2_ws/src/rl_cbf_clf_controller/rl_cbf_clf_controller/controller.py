@@ -17,11 +17,12 @@ from cbf_clf_qp.quantity import Constrained
 from rabbit_description.gait import Gaits
 from rabbit_description.state import DOF, JOINTS, Array, RobotState, StonePreview
 
-from rl_cbf_clf_controller.batch_controller import BatchController, BatchOutput, BatchScene
-from rl_cbf_clf_controller.controller_output import NOTHING, Acted, ControllerOutput, seen_fields
+from rl_cbf_clf_controller.batch_controller import BatchController, BatchOutput, BatchScene, OutputPlaces
+from rl_cbf_clf_controller.controller_output import Acted, ControllerOutput
 from rl_cbf_clf_controller.kinds import find_kind
+from rl_cbf_clf_controller.network import NETWORK
 from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_cbf_clf_controller.policy import Policy, ZeroPolicy
+from rl_cbf_clf_controller.policy import ActorPolicy, Policy, ZeroPolicy
 from rl_cbf_clf_controller.recipes import barriers_of, make_tick
 from rl_cbf_clf_controller.robot_numbers import read_robot
 from rl_cbf_clf_controller.scene import ControllerError, Scene
@@ -68,14 +69,15 @@ class Controller:
         self.model_error = model_error(self.qp.terms)
         self.functions = StepFunctions(walking, self.qp, parameters, robot, gait)
         self.places = {name: place for name, (place, _) in self.functions.report.places.items()}
+        self._start, self.shape = gait.x_start, Shape.of(gait)
+        on_stones = parameters.terrain == "stones"
+        self.observed = len(STATE_OBSERVATION) + (1 + (not self.shape.is_single) if on_stones else 0)
+        self.output_places = OutputPlaces(self)
         self.acted_at = self.places["mu"], self.places["mu_qp"], self.places["saturated"].start
         self.is_valid = self.functions.answer.places["is_valid"][0].start
         self.solvers = guarded(parameters.qp_solver)
         self._parameters = parameters
         self.estimators = self._kind.estimators(parameters)
-        self._start, self.shape = gait.x_start, Shape.of(gait)
-        on_stones = parameters.terrain == "stones"
-        self.observed = len(STATE_OBSERVATION) + (1 + (not self.shape.is_single) if on_stones else 0)
         self._check(policy)
         self._robots = BatchController(self, [policy])
 
@@ -161,6 +163,8 @@ class Controller:
         is_one = is_inside and not self.estimators and type(self.policy) is ZeroPolicy
         for function in (f.step,) if is_one else (*seeing, *after):
             function.compile(wait)
+        if isinstance(self.policy, ActorPolicy):
+            NETWORK.compile(wait)
 
     def rehearse(self) -> None:
         """Compute a tick that nobody walks, so that the first one that counts finds its functions made.
@@ -225,42 +229,6 @@ class Controller:
         """Raises `ControllerError` where the objective needs an output error, and none is known."""
         if total.output_error is None and self._needs_output_error:
             raise ControllerError("objective pd_centred: expected a structured policy, which gives the output error")
-
-    def output_of(
-        self,
-        scene: Scene,
-        acted: Acted,
-        decided: Decided,
-        estimates: Estimates,
-        identified: Array = NOTHING,
-        adapted: Array = NOTHING,
-    ) -> ControllerOutput:
-        """That of a tick, of these parts."""
-        values = decided.values
-        clf_slack, rescue_slack = decided.layout.slack_sums(values.slack)
-        return ControllerOutput(
-            **seen_fields(scene),
-            **vars(acted),
-            barrier_names=self.barrier_names,
-            quantities=self.qp.names,
-            alpha=estimates.alpha,
-            beta=estimates.beta,
-            clf_slack=clf_slack,
-            rescue_slack=rescue_slack,
-            active=decided.active,
-            rows=decided.layout.names,
-            margins=values.row_margin,
-            slacks=values.slack,
-            multipliers=values.multiplier,
-            solver=decided.solver,
-            status=decided.status,
-            answered=decided.is_by(self.parameters.qp_solver),
-            solve_seconds=decided.seconds,
-            objective=self.parameters.objective,
-            adaptation=self.parameters.adaptation,
-            identified=identified,
-            adapted=adapted,
-        )
 
 
 def checked(state: RobotState) -> RobotState:
