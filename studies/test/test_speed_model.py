@@ -1,6 +1,7 @@
 """The model of the speed from step to step: the fit finds known coefficients, and walks explore."""
 
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import numpy_steps
@@ -73,9 +74,12 @@ def test_too_few_steps_are_refused() -> None:
 def test_slopes_that_explore_stay_within_the_library_and_are_seen() -> None:
     gaits = load_gaits("slopes")
     steps, (q, dq), slopes = numpy_steps.Steps(gaits, load_parameters("best"), read_robot()), gaits.x_start, [0.0]
-    explorer = Explorer(steps, np.random.default_rng(1))
+    controller: Any = SimpleNamespace(settings=SimpleNamespace(slope_change=np.zeros(1)))
+    explorer = Explorer(controller, np.random.default_rng(1))
     for index, haste in enumerate(np.random.default_rng(2).uniform(0.7, 1.3, 200), 1):
+        steps.slope_change = float(controller.settings.slope_change[0])
         steps.begin(np.concatenate([q, haste * dq]), 0.45)
+        controller.steps = SimpleNamespace(slopes=steps.kept("slopes"), speed=steps.kept("speed"))
         explorer(SimpleNamespace(output=SimpleNamespace(step_index=index)))
         slopes.append(steps.slope)
     assert np.abs(slopes).max() <= gaits.slopes[-1]
