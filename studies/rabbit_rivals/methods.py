@@ -6,7 +6,8 @@ from importlib.util import find_spec
 from rabbit_benchmark.methods import Method
 from rabbit_experiments.assembly import Assembly, AssemblyError
 from rabbit_reproduce.controllers import BEST, LIBRARY, MARGIN, variant
-from rl_cbf_clf_controller.controller import Controller, Further, nothing_further
+from rl_cbf_clf_controller.controller import Controller
+from rl_cbf_clf_controller.controller_parts import Further, nothing_further
 from rl_cbf_clf_controller.policy import Policy
 
 from rabbit_rivals.gp_controller import GpController, gp_policy

@@ -13,7 +13,8 @@ from rabbit_estimator.parameters import EstimatorParameters
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.robot_urdf import perturbed_urdf
 from rabbit_sim.simulation import Simulation
-from rl_cbf_clf_controller.controller import Controller, Further, nothing_further
+from rl_cbf_clf_controller.controller import Controller
+from rl_cbf_clf_controller.controller_parts import Further, nothing_further
 from rl_cbf_clf_controller.fitted_policy import fitted
 from rl_cbf_clf_controller.oracle import OraclePolicy, TruePlant
 from rl_cbf_clf_controller.parameters import ControllerParameters

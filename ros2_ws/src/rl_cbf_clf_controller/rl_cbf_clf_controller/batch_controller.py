@@ -19,13 +19,13 @@ from rabbit_description.robot_states import RobotStates
 from rabbit_description.state import DOF, JOINTS, Array, Leg, RobotState, StonePreview
 
 from rl_cbf_clf_controller.controller_output import Acted, ControllerOutput
+from rl_cbf_clf_controller.controller_parts import ControllerParts
 from rl_cbf_clf_controller.policy import LearnedPolicy, Policy, ZeroPolicy
 from rl_cbf_clf_controller.residual_policy import Memory, ResidualPolicy
 from rl_cbf_clf_controller.scene import ControllerError, Estimator, Scene
 from rl_cbf_clf_controller.step import (
     DISAGREEMENT,
     DQ,
-    ESTIMATES,
     FARTHEST_STONE,
     HIGHEST_STONE,
     NEVER,
@@ -35,12 +35,10 @@ from rl_cbf_clf_controller.step import (
 from rl_cbf_clf_controller.step_rows import StepRows
 
 if TYPE_CHECKING:
-    from rl_cbf_clf_controller.controller import Controller
     from rl_cbf_clf_controller.parameters import ControllerParameters
 
 NO_NOISE = np.zeros(JOINTS)
 NO_STONE = astuple(StonePreview(0, np.nan, np.nan, np.nan))
-SEEN = ("eta", "barriers", "barrier_rates", "LgV", "nominal_a", "nominal_b", "mu_held", "measured")
 LEGS = tuple(Leg)
 BEGUN = (
     "stance",
@@ -77,32 +75,6 @@ def refusing(errors: dict[int, str], i: int) -> Iterator[None]:
         errors.setdefault(i, f"controller error: {error}")
 
 
-class OutputPlaces:
-    """Where in a report a `ControllerOutput` finds its arrays and numbers."""
-
-    def __init__(self, one: "Controller") -> None:
-        f, at, self.alpha = one.functions, one.places, one.qp.no_error().alpha.shape
-        seen = {name: shifted(place, at["seen"]) for name, (place, _) in f.seen.places.items()}
-        answer = {name: shifted(place, at["answer"]) for name, (place, _) in f.answer.places.items()}
-        self.arrays = {name: seen[name] for name in SEEN}
-        start = seen["observation"].start
-        self.arrays |= {"observation": slice(start, start + one.observed), "margins": answer["row_margin"]}
-        self.arrays |= {"slacks": answer["slack"], "multipliers": answer["multiplier"]}
-        self.identified = dict[str, slice]()
-        if f.identifies:
-            alpha, beta, error = (at[f"identified_{name}"] for name in ESTIMATES)
-            self.identified = {"identified": at["identified"], "adapted": slice(alpha.start, error.stop)}
-            self.identified |= {"alpha": alpha, "beta": beta}
-        self.margin = answer["margin"]
-        numbers = at["index"], at["stance"], at["step_time"], seen["phase"], seen["V"], at["solved"]
-        self.scalars = [place.start for place in numbers]
-
-
-def shifted(place: slice, within: slice) -> slice:
-    """The place of what lies there in a part of a row."""
-    return slice(place.start + within.start, place.stop + within.start)
-
-
 class BatchOutput:
     """What a tick decides, a row a robot; see `ControllerOutput`. `torque` (N, 4): left/right order, saturated, N m.
 
@@ -112,7 +84,7 @@ class BatchOutput:
 
     def __init__(
         self,
-        one: "Controller",
+        one: ControllerParts,
         report: Array,
         reading: Array,
         policies: list[Policy],
@@ -216,7 +188,7 @@ class BatchOutput:
         return found
 
 
-def estimated(one: "Controller", report: Array) -> list[Estimates]:
+def estimated(one: ControllerParts, report: Array) -> list[Estimates]:
     """Of no policy; then of the identified robots, where there are such."""
     none = one.qp.no_error()
     n, alpha, error = len(report), none.alpha.shape, one.functions.estimates["output_error"]
@@ -228,7 +200,7 @@ def estimated(one: "Controller", report: Array) -> list[Estimates]:
     return parts
 
 
-def scene_of(one: "Controller", rows: Array, reading: Array, errors: dict[int, str]) -> BatchScene:
+def scene_of(one: ControllerParts, rows: Array, reading: Array, errors: dict[int, str]) -> BatchScene:
     """Of rows that begin with those of a scene; `reading`: tick and touchdowns, (N, 2)."""
     tick, touchdowns = reading.T
     part = {name: rows[:, place] for name, (place, _) in one.functions.scene.places.items()}
@@ -256,7 +228,7 @@ class BatchController:
     One object serves one thread.
     """
 
-    def __init__(self, controller: "Controller", policies: Sequence[Policy]) -> None:
+    def __init__(self, controller: ControllerParts, policies: Sequence[Policy]) -> None:
         n, tick = len(policies), controller.qp
         self._one, self.policies, self._n = controller, list(policies), n
         self._estimators = [[each.another() for each in controller.estimators] for _ in policies]

@@ -6,44 +6,31 @@
 All of that is `step.py`; what a controller constrains is its recipe.
 """
 
-from collections.abc import Callable, Sequence
 from typing import TypeVar
 
 import numpy as np
-from cbf_clf_qp.answer import Decided, OsqpSolver, Solver, guarded
-from cbf_clf_qp.estimates import Estimates, model_error
-from cbf_clf_qp.functions import Values, one_at_a_time
-from cbf_clf_qp.quantity import Constrained
+from cbf_clf_qp.answer import Decided
+from cbf_clf_qp.estimates import Estimates
+from cbf_clf_qp.functions import Values
 from rabbit_description.gait import Gaits
-from rabbit_description.state import DOF, JOINTS, Array, RobotState, StonePreview
+from rabbit_description.state import DOF, JOINTS, RobotState, StonePreview
 
-from rl_cbf_clf_controller.batch_controller import BatchController, BatchOutput, BatchScene, OutputPlaces
+from rl_cbf_clf_controller.batch_controller import BatchController, BatchOutput, BatchScene
 from rl_cbf_clf_controller.controller_output import Acted, ControllerOutput
-from rl_cbf_clf_controller.kinds import find_kind
+from rl_cbf_clf_controller.controller_parts import ControllerParts, Further, nothing_further
 from rl_cbf_clf_controller.network import NETWORK
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ActorPolicy, Policy, ZeroPolicy
-from rl_cbf_clf_controller.recipes import barriers_of, make_tick
-from rl_cbf_clf_controller.robot_numbers import read_robot
 from rl_cbf_clf_controller.scene import ControllerError, Scene
-from rl_cbf_clf_controller.step import StepFunctions
-from rl_cbf_clf_controller.step_paths import Shape
-from rl_cbf_clf_controller.uncertainty import STATE_OBSERVATION
-from rl_cbf_clf_controller.walking import GAINS, Walking
+from rl_cbf_clf_controller.walking import GAINS
 
 NO_NOISE = np.zeros(JOINTS)
 DYNAMIC = ("sigma", "swap_time", "swap_phase", *GAINS)  # parameters that may change between two ticks
 
 Found = TypeVar("Found", BatchScene, BatchOutput)
-Further = Callable[[Walking], Sequence[Constrained]]  # quantities of RABBIT's symbols
 
 
-def nothing_further(walking: Walking) -> Sequence[Constrained]:
-    """The controller's own quantities are all."""
-    return ()
-
-
-class Controller:
+class Controller(ControllerParts):
     """One controller with its parameters, gait and policy; `step` is called once a tick.
 
     `further`: quantities of your own, made of RABBIT's symbols, with rows in the QP and without estimates. `urdf`
@@ -51,7 +38,6 @@ class Controller:
     (each estimator's and their sum) and `decided` have all of it. One object serves one thread.
     """
 
-    @one_at_a_time
     def __init__(
         self,
         parameters: ControllerParameters,
@@ -60,34 +46,9 @@ class Controller:
         further: Further = nothing_further,
         urdf: str | None = None,
     ) -> None:
-        self._kind = find_kind(parameters.controller)
-        self._needs_output_error = parameters.objective == "pd_centred" and not self._kind.problem.corrects_input
-        walking, robot = Walking(), read_robot(urdf)
-        added = further(walking)
-        self.qp = make_tick(walking, parameters, added)
-        self.barrier_names = tuple(barriers_of([*self._kind.quantities(walking, parameters), *added]))
-        self.model_error = model_error(self.qp.terms)
-        self.functions = StepFunctions(walking, self.qp, parameters, robot, gait)
-        self.places = {name: place for name, (place, _) in self.functions.report.places.items()}
-        self._start, self.shape = gait.x_start, Shape.of(gait)
-        on_stones = parameters.terrain == "stones"
-        self.observed = len(STATE_OBSERVATION) + (1 + (not self.shape.is_single) if on_stones else 0)
-        self.output_places = OutputPlaces(self)
-        self.acted_at = self.places["mu"], self.places["mu_qp"], self.places["saturated"].start
-        self.is_valid = self.functions.answer.places["is_valid"][0].start
-        self.solvers = guarded(parameters.qp_solver)
-        self._parameters = parameters
-        self.estimators = self._kind.estimators(parameters)
+        super().__init__(parameters, gait, further, urdf)
         self._check(policy)
         self._robots = BatchController(self, [policy])
-
-    def first_memory(self) -> Array:
-        """With which an episode begins."""
-        return self.functions.first(self._parameters.eps)
-
-    def make_solver(self, name: str) -> Solver:
-        """One of the QP outside the step's function: `osqp`."""
-        return OsqpSolver(self.qp.layout)
 
     @property
     def parameters(self) -> ControllerParameters:
@@ -224,11 +185,6 @@ class Controller:
     def output(self) -> ControllerOutput:
         """All of the last tick that others read."""
         return self._output[0]
-
-    def check_estimates(self, total: Estimates) -> None:
-        """Raises `ControllerError` where the objective needs an output error, and none is known."""
-        if total.output_error is None and self._needs_output_error:
-            raise ControllerError("objective pd_centred: expected a structured policy, which gives the output error")
 
 
 def checked(state: RobotState) -> RobotState:

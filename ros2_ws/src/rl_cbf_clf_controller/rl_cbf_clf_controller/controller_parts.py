@@ -1,0 +1,98 @@
+"""What one controller is made of, however many robots it walks: its QP, its functions, its estimators."""
+
+from collections.abc import Callable, Sequence
+
+from cbf_clf_qp.answer import OsqpSolver, Solver, guarded
+from cbf_clf_qp.estimates import Estimates, model_error
+from cbf_clf_qp.functions import one_at_a_time
+from cbf_clf_qp.quantity import Constrained
+from rabbit_description.gait import Gaits
+from rabbit_description.state import Array
+
+from rl_cbf_clf_controller.kinds import find_kind
+from rl_cbf_clf_controller.parameters import ControllerParameters
+from rl_cbf_clf_controller.recipes import barriers_of, make_tick
+from rl_cbf_clf_controller.robot_numbers import read_robot
+from rl_cbf_clf_controller.scene import ControllerError
+from rl_cbf_clf_controller.step import ESTIMATES, StepFunctions
+from rl_cbf_clf_controller.step_paths import Shape
+from rl_cbf_clf_controller.uncertainty import STATE_OBSERVATION
+from rl_cbf_clf_controller.walking import Walking
+
+SEEN = ("eta", "barriers", "barrier_rates", "LgV", "nominal_a", "nominal_b", "mu_held", "measured")
+
+Further = Callable[[Walking], Sequence[Constrained]]  # quantities of RABBIT's symbols
+
+
+def nothing_further(walking: Walking) -> Sequence[Constrained]:
+    """The controller's own quantities are all."""
+    return ()
+
+
+class ControllerParts:
+    """Parts by their names; see `Controller` for the arguments."""
+
+    @one_at_a_time
+    def __init__(self, parameters: ControllerParameters, gait: Gaits, further: Further, urdf: str | None) -> None:
+        self._kind = find_kind(parameters.controller)
+        self._needs_output_error = parameters.objective == "pd_centred" and not self._kind.problem.corrects_input
+        walking, robot = Walking(), read_robot(urdf)
+        added = further(walking)
+        self.qp = make_tick(walking, parameters, added)
+        self.barrier_names = tuple(barriers_of([*self._kind.quantities(walking, parameters), *added]))
+        self.model_error = model_error(self.qp.terms)
+        self.functions = StepFunctions(walking, self.qp, parameters, robot, gait)
+        self.places = {name: place for name, (place, _) in self.functions.report.places.items()}
+        self._start, self.shape = gait.x_start, Shape.of(gait)
+        on_stones = parameters.terrain == "stones"
+        self.observed = len(STATE_OBSERVATION) + (1 + (not self.shape.is_single) if on_stones else 0)
+        self.output_places = OutputPlaces(self)
+        self.acted_at = self.places["mu"], self.places["mu_qp"], self.places["saturated"].start
+        self.is_valid = self.functions.answer.places["is_valid"][0].start
+        self.solvers = guarded(parameters.qp_solver)
+        self._parameters = parameters
+        self.estimators = self._kind.estimators(parameters)
+
+    @property
+    def parameters(self) -> ControllerParameters:
+        """Of them only `DYNAMIC` ones change."""
+        return self._parameters
+
+    def first_memory(self) -> Array:
+        """With which an episode begins."""
+        return self.functions.first(self._parameters.eps)
+
+    def make_solver(self, name: str) -> Solver:
+        """One of the QP outside the step's function: `osqp`."""
+        return OsqpSolver(self.qp.layout)
+
+    def check_estimates(self, total: Estimates) -> None:
+        """Raises `ControllerError` where the objective needs an output error, and none is known."""
+        if total.output_error is None and self._needs_output_error:
+            raise ControllerError("objective pd_centred: expected a structured policy, which gives the output error")
+
+
+class OutputPlaces:
+    """Where in a report a `ControllerOutput` finds its arrays and numbers."""
+
+    def __init__(self, one: "ControllerParts") -> None:
+        f, at, self.alpha = one.functions, one.places, one.qp.no_error().alpha.shape
+        seen = {name: shifted(place, at["seen"]) for name, (place, _) in f.seen.places.items()}
+        answer = {name: shifted(place, at["answer"]) for name, (place, _) in f.answer.places.items()}
+        self.arrays = {name: seen[name] for name in SEEN}
+        start = seen["observation"].start
+        self.arrays |= {"observation": slice(start, start + one.observed), "margins": answer["row_margin"]}
+        self.arrays |= {"slacks": answer["slack"], "multipliers": answer["multiplier"]}
+        self.identified = dict[str, slice]()
+        if f.identifies:
+            alpha, beta, error = (at[f"identified_{name}"] for name in ESTIMATES)
+            self.identified = {"identified": at["identified"], "adapted": slice(alpha.start, error.stop)}
+            self.identified |= {"alpha": alpha, "beta": beta}
+        self.margin = answer["margin"]
+        numbers = at["index"], at["stance"], at["step_time"], seen["phase"], seen["V"], at["solved"]
+        self.scalars = [place.start for place in numbers]
+
+
+def shifted(place: slice, within: slice) -> slice:
+    """The place of what lies there in a part of a row."""
+    return slice(place.start + within.start, place.stop + within.start)
