@@ -47,16 +47,18 @@ def is_wanted() -> bool:
     return os.environ.get(COMPILE) != "0"
 
 
-def c_of(function: ca.Function) -> str | None:
-    """The function as C; None where that would not do all that CasADi's virtual machine does.
+def c_of(*functions: ca.Function) -> str | None:
+    """Functions as C; None where that would not do all that CasADi's virtual machine does.
 
     A DAQP inside is one with `error_on_fail` off, and with bounds in order, which C does not check. Several threads may
     call it. Nobody else may make a function meanwhile, see `functions.building`.
     """
-    if not {each.class_name() for each in (function, *function.find_functions())} <= KNOWN:
+    inside = [each for function in functions for each in (function, *function.find_functions())]
+    if not {each.class_name() for each in inside} <= KNOWN:
         return None
     generator = ca.CodeGenerator("function.c", {"casadi_int": "long long int"})
-    generator.add(function)
+    for function in functions:
+        generator.add(function)
     text: str = generator.dump()
     for name in re.findall(r"struct casadi_daqp_data (\w+)_mem\[", text):  # it goes on where there is no optimum
         text = text.replace(f"{name}_release(mid);\n  if (flag) return 1;\n", f"{name}_release(mid);\n")

@@ -65,8 +65,8 @@ class Landing:
 class Simulation:
     """One robot on one course at a time.
 
-    `outcome`, `landings`: how the episode stands. `plant`: the robot and its ground. `reading`: the truth after the
-    last tick, for judges alone.
+    `course`: its stones; `outcome`, `landings`: how the episode stands. `plant`: the robot and its ground. `reading`:
+    the truth after the last tick, for judges alone.
     Example: `state = simulation.reset(seed=1)`, then `state = simulation.step(torque)` while `state.running`.
     """
 
@@ -99,8 +99,8 @@ class Simulation:
         So has each perturbation that exerts a force.
         """
         course_rng, start_rng, sensor_rng = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(3))
-        course = self._file_course or draw_course(self.parameters, course_rng)
-        self._terrain = Terrain(self.parameters, course)
+        self.course = self._file_course or draw_course(self.parameters, course_rng)
+        self._terrain = Terrain(self.parameters, self.course)
         self._seed, self._sensor_rng = seed, sensor_rng
         self._measuring, self._pushing = list[tuple[Perturbation, Memory]](), list[tuple[Perturbation, Memory]]()
         self._perturb()

@@ -53,6 +53,8 @@ def forward_of(path: str) -> Any:
 class Actor:
     """The network of these arrays: from a scaled observation (m,), or N of them (N, m), to outputs in [-1, 1].
 
+    What `forward` of `network.c` needs: `weights`, float32, `biases`, `sizes` of the layers, the `widest` that is read,
+    how many `units` there are, of which the last are the `outputs`.
     A row of N has the bits that it has alone. Raises ValueError for observations of another size.
     """
 
@@ -60,12 +62,12 @@ class Actor:
         self._arrays = arrays
         weights = [arrays[f"{i}.weight"].T for i in range(LAYERS)]
         biases = [arrays[f"{i}.bias"] + 0.0 for i in range(LAYERS)]  # no -0.0, which a term of zero would make 0.0
-        self._weights = np.concatenate([each.ravel() for each in weights], dtype=np.float32)
-        self._biases = np.concatenate(biases, dtype=float)
-        self._sizes = np.array([len(weights[0]), *map(len, biases)])
-        self._inputs, self._outputs = len(weights[0]), len(biases[-1])
-        self._widest, self._units = int(self._sizes[:-1].max()), int(self._sizes[1:].sum())
-        self._given = self._sizes.ctypes.data, self._widest, self._weights.ctypes.data, self._biases.ctypes.data
+        self.weights = np.concatenate([each.ravel() for each in weights], dtype=np.float32)
+        self.biases = np.concatenate(biases, dtype=float)
+        self.sizes = np.array([len(weights[0]), *map(len, biases)])
+        self._inputs, self.outputs = len(weights[0]), len(biases[-1])
+        self.widest, self.units = int(self.sizes[:-1].max()), int(self.sizes[1:].sum())
+        self._given = self.sizes.ctypes.data, self.widest, self.weights.ctypes.data, self.biases.ctypes.data
 
     def __reduce__(self) -> tuple[Any, ...]:  # a copy has its own addresses
         return Actor, (self._arrays,)
@@ -77,22 +79,22 @@ class Actor:
         x, n = np.ascontiguousarray(scaled, dtype=float), scaled.size // inputs
         NETWORK.count(n)
         if NETWORK.forward:
-            memory = np.empty(self._widest + n * self._units)
+            memory = np.empty(self.widest + n * self.units)
             NETWORK.forward(n, *self._given, x.ctypes.data, memory.ctypes.data)
-            y = memory[memory.size - n * self._outputs :]
+            y = memory[memory.size - n * self.outputs :]
         else:
             with np.errstate(all="ignore"):  # as in C
                 y = np.array([self._in_numpy(row) for row in x.reshape(n, inputs)])
-        outputs: NDArray[np.float64] = np.tanh(y).reshape(*many, self._outputs)
+        outputs: NDArray[np.float64] = np.tanh(y).reshape(*many, self.outputs)
         return outputs
 
     def _in_numpy(self, y: NDArray[Any]) -> NDArray[Any]:
         at = bias_at = 0
-        for layer, (inputs, outputs) in enumerate(zip(self._sizes[:-1], self._sizes[1:], strict=True)):
+        for layer, (inputs, outputs) in enumerate(zip(self.sizes[:-1], self.sizes[1:], strict=True)):
             if layer:
                 y = np.maximum(y, 0.0)
             used = y.nonzero()[0]
-            weights, bias = self._weights[at : at + inputs * outputs], self._biases[bias_at : bias_at + outputs]
+            weights, bias = self.weights[at : at + inputs * outputs], self.biases[bias_at : bias_at + outputs]
             terms = np.zeros((len(used) + 1, outputs + 1))  # numpy would add up a single column in another order
             terms[0, :-1] = bias
             np.multiply(weights.reshape(inputs, outputs)[used], y[used, None], out=terms[1:, :-1])

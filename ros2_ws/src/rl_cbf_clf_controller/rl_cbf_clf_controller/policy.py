@@ -86,13 +86,13 @@ class ActorPolicy(LearnedPolicy):
         self.version = file.version
         form = file.metadata
         self.adaptation = form.adaptation or "none"
-        self._center = np.array(form.observation_center)
-        self._inverse_scale = 1 / np.array(form.observation_scale)
+        self.center = np.array(form.observation_center)
+        self.inverse_scale = 1 / np.array(form.observation_scale)
         self.is_structured = form.structured
         scales = form.alpha_scale, form.beta_scale
-        self._estimates = estimate_function(*scales, form.structured, "V" in form.names, form.m)
-        self._estimates_of_many = BatchFunction(self._estimates)
-        self._actor = Actor(file.arrays)
+        self.estimates = estimate_function(*scales, form.structured, "V" in form.names, form.m)
+        self._of_many = BatchFunction(self.estimates)
+        self.actor = Actor(file.arrays)
 
     def act(self, observation: Array, LgV: Array) -> Estimates:
         """Alpha and beta of every quantity. A network without `l_min` reads the first 14 observations.
@@ -100,18 +100,18 @@ class ActorPolicy(LearnedPolicy):
         Raises:
             ValueError: it reads the step length of a gait library, and there is none.
         """
-        return Estimates(*self._found(self._estimates, observation, LgV))
+        return Estimates(*self._found(self.estimates, observation, LgV))
 
     def act_of_many(self, observations: Array, LgV: Array) -> Estimates:
         """The same for N robots, to the bit."""
-        return Estimates(*self._found(self._estimates_of_many, observations, LgV))
+        return Estimates(*self._found(self._of_many, observations, LgV))
 
     def _found(self, estimates: Any, observation: Array, LgV: Array) -> tuple[Array, Array, Array | None]:
-        size = self._center.size
+        size = self.center.size
         if observation.shape[-1] < size:
             read = self.file.metadata.observation[-1]
             raise ValueError(f"policy {self.version} reads {read}: expected a gait library")
-        found = estimates(self._actor((observation[..., :size] - self._center) * self._inverse_scale), LgV)
+        found = estimates(self.actor((observation[..., :size] - self.center) * self.inverse_scale), LgV)
         return found.alpha, found.beta, found.output_error if self.is_structured else None
 
 

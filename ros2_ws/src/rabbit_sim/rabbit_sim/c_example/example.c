@@ -1,0 +1,156 @@
+/* The exported controller walks over stones in MuJoCo: ./example [--bench] [FILE for the torques of all ticks]
+
+   What rabbit_sim does in Python: ten substeps a tick, foot forces averaged over them, a foot that comes down after it
+   was clear of the ground is a touchdown, and places and previews the next stone. */
+#include <math.h>
+#include <mujoco/mujoco.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#include "controller.h"
+#include "course.h" /* where the walk begins, and its stones */
+
+enum { LEFT, RIGHT, SUBSTEPS = 10, DOF = 7, JOINTS = 4, BASE = 3, MOST_TICKS = 4000, KEPT = 3, REPLAYED = 1000000 };
+
+typedef struct { double near, far, top; } Span;
+
+static mjModel *model;
+static mjData *data;
+static int first_stone, first_body;
+static Span placed[STONES + 1];
+static int stones_placed;
+
+static void place_stones(void) {
+  for (int i = 0; i < KEPT; i++) {
+    int from = stones_placed > KEPT ? stones_placed - KEPT : 0;
+    Span away = {-100, -100, 0}, at = from + i < stones_placed ? placed[from + i] : away;
+    double half[3] = {(at.far - at.near) / 2 + FOOT_RADIUS, 0.5, STONE_DEPTH / 2};
+    double middle[3] = {(at.near + at.far) / 2, 0, at.top - FOOT_RADIUS - STONE_DEPTH / 2};
+    memcpy(model->geom_size + 3 * (first_stone + i), half, sizeof half);
+    memcpy(model->geom_aabb + 6 * (first_stone + i) + 3, half, sizeof half);
+    model->geom_rbound[first_stone + i] = sqrt(half[0] * half[0] + half[1] * half[1] + half[2] * half[2]);
+    memcpy(model->body_pos + 3 * (first_body + i), middle, sizeof middle);
+    memcpy(data->mocap_pos + 3 * i, middle, sizeof middle);
+  }
+}
+
+/* The next stone, seen from a foot that stands at x: index, l_min, l_max, height, into a reading. */
+static void stand_at(double x, int touchdowns, double *stone) {
+  stone[0] = NAN, stone[1] = NAN, stone[2] = NAN, stone[3] = NAN;
+  if (touchdowns < STONES) {
+    const double *next = course[touchdowns];
+    double before = placed[stones_placed - 1].top;
+    placed[stones_placed] = (Span){x + next[0], x + next[1], next[2]};
+    stone[0] = touchdowns + 1, stone[1] = placed[stones_placed].near - x, stone[2] = placed[stones_placed].far - x;
+    stone[3] = next[2] - before;
+    stones_placed++;
+  }
+  place_stones();
+}
+
+/* x, z of both feet: as rabbit_sim/kinematics.py adds them up, to the bit. */
+static void locate_feet(double at[2][2]) {
+  const double *q = data->qpos;
+  for (int leg = LEFT; leg <= RIGHT; leg++) {
+    double thigh = q[2] + q[BASE + 2 * leg], shin = thigh + q[BASE + 2 * leg + 1];
+    at[leg][0] = q[0] + LINK_LENGTH * -sin(thigh) + LINK_LENGTH * -sin(shin);
+    at[leg][1] = q[1] + -LINK_LENGTH * cos(thigh) + -LINK_LENGTH * cos(shin);
+  }
+}
+
+/* The top of the stone under x, or of the nearest one. */
+static double top(double x) {
+  double nearest = INFINITY, found = 0;
+  for (int i = stones_placed > KEPT ? stones_placed - KEPT : 0; i < stones_placed; i++) {
+    double away = fmax(fmax(placed[i].near - x, x - placed[i].far), 0);
+    if (away < nearest) nearest = away, found = placed[i].top;
+  }
+  return found;
+}
+
+static double now(void) {
+  struct timespec t;
+  clock_gettime(CLOCK_MONOTONIC, &t);
+  return t.tv_sec * 1e6 + t.tv_nsec * 1e-3;
+}
+
+static int by_size(const void *a, const void *b) {
+  double x = *(const double *)a, y = *(const double *)b;
+  return (x > y) - (x < y);
+}
+
+static void bench(double (*readings)[READING_SIZE], int ticks, const double *settings) {
+  static double memory[MEMORY_SIZE], report[REPORT_SIZE], times[REPLAYED];
+  for (int i = 0; i < REPLAYED; i++) {
+    if (i % ticks == 0) controller_first(memory);
+    double start = now();
+    controller_step(memory, readings[i % ticks], settings, report);
+    times[i] = now() - start;
+  }
+  qsort(times, REPLAYED, sizeof *times, by_size);
+  printf("{\"tick_us\": %.3f, \"p99_us\": %.3f, \"worst_us\": %.3f, \"ticks\": %d}\n", times[REPLAYED / 2],
+         times[REPLAYED / 100 * 99], times[REPLAYED - 1], REPLAYED);
+}
+
+int main(int count, char **words) {
+  static double memory[MEMORY_SIZE], settings[SETTINGS_SIZE], report[REPORT_SIZE], readings[MOST_TICKS][READING_SIZE];
+  int is_bench = count > 1 && !strcmp(words[1], "--bench");
+  FILE *file = count > 1 + is_bench ? fopen(words[1 + is_bench], "wb") : NULL;
+  model = mj_loadModel("model.mjb", NULL);
+  if (!model) return fprintf(stderr, "model.mjb: expected the file beside this program\n"), 2;
+  data = mj_makeData(model);
+  first_stone = mj_name2id(model, mjOBJ_GEOM, "stone_0"), first_body = model->geom_bodyid[first_stone];
+  memcpy(data->qpos, first_q, sizeof first_q), memcpy(data->qvel, first_dq, sizeof first_dq);
+  controller_first(memory), controller_settings(settings);
+  placed[stones_placed++] = (Span){PLATFORM_START, PLATFORM_END, 0};
+
+  double *reading = readings[0], stone[4], applied[JOINTS] = {NAN, NAN, NAN, NAN}, force[2][2] = {{0}};
+  int stance = LEFT, touchdowns = 0, airborne = 0, clear[2] = {0}, contact[2] = {1, 0}, tick = 0;
+  double foot[2][2];
+  stand_at(0, 0, stone), locate_feet(foot);
+  for (;; tick++) {
+    double hip = data->qpos[1] - top(data->qpos[0]);
+    airborne = contact[LEFT] || contact[RIGHT] ? 0 : airborne + 1;
+    if (touchdowns == STONES || !(hip > FALL_HEIGHT) || airborne >= FLIGHT_TICKS || tick == MOST_TICKS) break;
+    reading = readings[tick];
+    reading[READING_TICK] = tick, reading[READING_TOUCHDOWNS] = touchdowns;
+    memcpy(reading + READING_Q, data->qpos, DOF * sizeof(double));
+    memcpy(reading + READING_DQ, data->qvel, DOF * sizeof(double));
+    memcpy(reading + READING_FOOT_FORCE, force, sizeof force);
+    reading[READING_CONTACT] = contact[LEFT], reading[READING_CONTACT + 1] = contact[RIGHT];
+    memcpy(reading + READING_APPLIED, applied, sizeof applied);
+    memcpy(reading + READING_STONE, stone, sizeof stone);
+    if (controller_step(memory, reading, settings, report) || report[REPORT_FAULT] != 0) break;
+    memcpy(applied, report + REPORT_COMMAND, sizeof applied);
+    if (file) fwrite(applied, sizeof applied, 1, file);
+
+    memset(force, 0, sizeof force), memset(contact, 0, sizeof contact);
+    for (int leg = LEFT; leg <= RIGHT; leg++) clear[leg] |= foot[leg][1] - top(foot[leg][0]) > CLEAR_HEIGHT;
+    memset(data->qacc_warmstart, 0, model->nv * sizeof(double));
+    double came_down[2] = {NAN, NAN};
+    for (int substep = 0; substep < SUBSTEPS; substep++) {
+      memcpy(data->qfrc_applied + BASE, applied, sizeof applied);
+      mj_step(model, data);
+      for (int leg = LEFT; leg <= RIGHT; leg++) {
+        double x = -data->sensordata[3 * leg], z = -data->sensordata[3 * leg + 2];
+        force[leg][0] += x, force[leg][1] += z;
+        if (z <= CONTACT_FORCE) continue;
+        contact[leg] = 1;
+        if (clear[leg] && isnan(came_down[leg])) locate_feet(foot), came_down[leg] = foot[leg][0];
+        clear[leg] = 0;
+      }
+    }
+    for (int i = 0; i < 4; i++) force[i / 2][i % 2] /= SUBSTEPS;
+    if (!isnan(came_down[1 - stance])) {
+      stance = 1 - stance, touchdowns++;
+      stand_at(came_down[stance], touchdowns, stone);
+    }
+    locate_feet(foot);
+  }
+  if (file) fclose(file);
+  if (is_bench) bench(readings, tick, settings);
+  else printf("%d of %d stones in %d ticks%s\n", touchdowns, STONES, tick, touchdowns == STONES ? "" : ": it fell");
+  return touchdowns == STONES ? 0 : 1;
+}

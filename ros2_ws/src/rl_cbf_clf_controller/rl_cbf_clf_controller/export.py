@@ -1,0 +1,188 @@
+"""A controller as C source: `controller.c`, its header, and DAQP, for a program without Python.
+
+    double memory[MEMORY_SIZE], reading[READING_SIZE], settings[SETTINGS_SIZE], report[REPORT_SIZE];
+    controller_first(memory);                  /* an episode begins */
+    controller_settings(settings);             /* the gains as they were exported */
+    controller_step(memory, reading, settings, report);   /* a tick: report[REPORT_COMMAND] is the torque */
+
+The C code is what CasADi writes of `step.py`, so a tick has the bits that it has in Python. It opens no file and takes
+no lock; what DAQP allocates comes from a static buffer of the thread.
+"""
+
+import shutil
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+from cbf_clf_qp.compiled import c_of
+from cbf_clf_qp.functions import NumpyFunction, Place
+from rabbit_description.state import Array
+
+from rl_cbf_clf_controller.controller import Controller
+from rl_cbf_clf_controller.network import SOURCE
+from rl_cbf_clf_controller.policy import ActorPolicy, ZeroPolicy
+
+KINDS = {"d": "double", "f": "float", "l": "long long"}  # by numpy's letter
+ARENA = 1 << 16  # bytes, of which a QP takes some 10 k
+HEADER = """/* {about}
+
+Rows of numbers, double, by name: what lies at NAME, and how many. Units are SI: m, s, rad, N, N m.
+A reading without a stone has NAN there; torques that are not known are NAN. Legs: 0 left, 1 right.
+*/
+#ifndef CONTROLLER_H
+#define CONTROLLER_H
+
+{rows}
+void controller_first(double *memory);
+void controller_settings(double *settings);
+/* One tick. 0: done. 1: the reading is refused (REPORT_REFUSED), and the memory as it was. */
+int controller_step(double *memory, const double *reading, const double *settings, double *report);
+
+#endif
+"""
+WRAPPER = """
+#include <string.h>
+#include "controller.h"
+
+static _Thread_local double arena[{arena} / sizeof(double)];
+static _Thread_local size_t arena_used;
+
+/* DAQP's own, by the linker's --wrap */
+void *__wrap_malloc(size_t size) {{
+  size_t numbers = (size + sizeof(double) - 1) / sizeof(double);
+  if (arena_used + numbers > sizeof arena / sizeof(double)) return 0;
+  arena_used += numbers;
+  return arena + arena_used - numbers;
+}}
+
+void __wrap_free(void *memory) {{ (void)memory; }}
+
+{tables}
+void controller_first(double *memory) {{ memcpy(memory, first, sizeof first); }}
+void controller_settings(double *settings) {{ memcpy(settings, usual, sizeof usual); }}
+
+int controller_step(double *memory, const double *reading, const double *settings, double *report) {{
+  static _Thread_local const double *arguments[{arguments}];
+  static _Thread_local double *results[{results}], numbers[{numbers}];
+  static _Thread_local long long integers[{integers}];
+  arena_used = 0;
+  arguments[0] = memory, arguments[1] = reading, arguments[2] = settings, arguments[3] = gaits;
+  results[0] = report;
+{tick}  if (report[REPORT_REFUSED] != 0) return 1;
+  memcpy(memory, report + REPORT_MEMORY, MEMORY_SIZE * sizeof(double));
+  return 0;
+}}
+"""
+STEP = """  step(arguments, results, integers, numbers, 0);
+"""
+LEARNED = """  static _Thread_local double scaled[{inputs}], network[{widest} + {units}], estimated[{estimated}];
+  double *outputs = network + {widest} + {units} - {outputs};
+  look(arguments, results, integers, numbers, 0);
+  for (int i = 0; i < {inputs}; i++) scaled[i] = (report[SEEN_OBSERVATION + i] - center[i]) * inverse_scale[i];
+  forward(1, sizes, {widest}, weights, biases, scaled, network);
+  for (int i = 0; i < {outputs}; i++) outputs[i] = tanh(outputs[i]);
+  arguments[0] = outputs, arguments[1] = report + SEEN_LGV, results[0] = estimated;
+  estimates(arguments, results, integers, numbers, 0);
+{adapted}  arguments[0] = reading, arguments[1] = settings, arguments[2] = report;
+  arguments[3] = estimated, arguments[4] = estimated + {beta}, arguments[5] = estimated + {error};
+  results[0] = report + REPORT_MEMORY;
+  decide(arguments, results, integers, numbers, 0);
+"""
+ADAPTED = """  for (int i = 0; i < {estimated}; i++) estimated[i] += report[REPORT_IDENTIFIED_ALPHA + i];
+"""
+
+
+class ExportError(ValueError):
+    """What cannot be exported, and what was expected."""
+
+
+def export(controller: Controller, folder: Path, daqp: Path | None = None) -> None:
+    """Write the controller into a folder.
+
+    `daqp`: the folder `csrc` of DAQP's source package, which is copied. None: the library that is in CasADi's wheel.
+    Raises ExportError for a controller whose tick is not one function of C.
+    """
+    policy, f = controller.policy, controller.functions
+    is_known = type(policy) is ZeroPolicy or (isinstance(policy, ActorPolicy) and policy.is_structured)
+    if controller.estimators or not is_known or controller.solvers[0] != "daqp":
+        raise ExportError(
+            f"controller {controller.parameters.controller}, policy {policy.version}, solver {controller.solvers[0]}: "
+            "expected no estimator in Python, policy zero or a structured one, daqp"
+        )
+    functions = [f.step]
+    if isinstance(policy, ActorPolicy):
+        functions = [f.look, policy.estimates, f.decide]
+    text = c_of(*(each.function for each in functions))
+    if text is None:
+        raise ExportError("the tick: expected functions of which CasADi can write C")
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "controller.c").write_text(text + wrapper(controller, functions))
+    (folder / "controller.h").write_text(header(controller))
+    copy_daqp(folder / "daqp", daqp)
+
+
+def header(controller: Controller) -> str:
+    """The rows by name."""
+    f = controller.functions
+    rows = {"memory": f.memory, "reading": f.reading, "settings": f.settings, "report": f.report}
+    lines = [line for name, layout in rows.items() for line in (*defines(name, layout.places, layout.size), "")]
+    seen, answer = (f.report.places[name][0].start for name in ("seen", "answer"))
+    lines += [*defines("seen", f.seen.places, None, seen), "", *defines("answer", f.answer.places, None, answer), ""]
+    rows_of_qp = ", ".join(controller.qp.layout.names)
+    about = f"{controller.parameters.controller}: the QP has the rows {rows_of_qp}; SEEN and ANSWER are in a report"
+    return HEADER.format(about=about, rows="\n".join(lines))
+
+
+def defines(row: str, places: Mapping[str, Place], size: int | None, start: int = 0) -> Iterable[str]:
+    """A line for each part of a row."""
+    if size is not None:
+        yield f"#define {row.upper()}_SIZE {size}"
+    for name, (place, _) in places.items():
+        yield f"#define {row.upper()}_{name.upper()} {start + place.start} /* {place.stop - place.start} */"
+
+
+def wrapper(controller: Controller, functions: Sequence[NumpyFunction]) -> str:
+    """What is called, with the tables that it hands out."""
+    f, policy, tick, network = controller.functions, controller.policy, STEP, ""
+    settings = np.array([getattr(controller.parameters, name, 0.0) for name in f.settings.places])
+    tables = {"first": controller.first_memory(), "usual": settings, "gaits": f.gaits}
+    if isinstance(policy, ActorPolicy):
+        actor, of_all = policy.actor, policy.estimates
+        tables |= {"center": policy.center, "inverse_scale": policy.inverse_scale, "biases": actor.biases}
+        tables |= {"weights": actor.weights, "sizes": actor.sizes}
+        places = {name: of_all.places[name][0].start for name in ("beta", "output_error")}
+        sizes = {"inputs": len(policy.center), "widest": actor.widest, "units": actor.units, "outputs": actor.outputs}
+        sizes |= {"estimated": of_all.row.size, "beta": places["beta"], "error": places["output_error"]}
+        adapted = ADAPTED.format(**sizes) if f.identifies else ""
+        tick, network = LEARNED.format(adapted=adapted, **sizes), SOURCE.read_text()
+    most = {
+        "arguments": max(each.function.sz_arg() for each in functions),
+        "results": max(each.function.sz_res() for each in functions),
+        "integers": max(each.function.sz_iw() for each in functions),
+        "numbers": max(each.function.sz_w() for each in functions),
+    }
+    written = network + "\n".join(table(name, values) for name, values in tables.items())
+    return WRAPPER.format(arena=ARENA, tables=written, tick=tick, **most)
+
+
+def table(name: str, values: Array) -> str:
+    """An array in C, to the bit."""
+    numbers = ["NAN" if np.isnan(value) else repr(value) for value in values.tolist()]
+    kind = KINDS[values.dtype.char]
+    return f"static const {kind} {name}[{len(numbers)}] = {{{', '.join(numbers)}}};"
+
+
+def copy_daqp(folder: Path, source: Path | None) -> None:
+    """Source, or library, with headers and licence."""
+    wheel = Path(ca.__file__).parent
+    headers, licence = wheel / "include" / "daqp", wheel / "include" / "licenses" / "daqp-external" / "LICENSE"
+    if source is not None:
+        if not (source / "src").is_dir():
+            raise ExportError(f"daqp {source}: expected the folder csrc of DAQP's source, with include and src")
+        headers, licence = source / "include", source.parent / "LICENSE"
+        shutil.copytree(source / "src", folder / "src", dirs_exist_ok=True)
+    shutil.copytree(headers, folder / "include" / "daqp", dirs_exist_ok=True)
+    if source is None:
+        shutil.copy(wheel / "libdaqpstat.a", folder)
+    shutil.copy(licence, folder / "LICENSE")

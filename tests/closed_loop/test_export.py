@@ -1,0 +1,59 @@
+"""What `rabbit export` writes: compiled, it walks as in Python."""
+
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rabbit_experiments.assembly import Assembly, resolve_policy
+from rabbit_sim.c_example import write_example
+from rabbit_sim.parameters import SimulationParameters
+from rl_cbf_clf_controller.export import ExportError, export
+from rl_cbf_clf_controller.parameters import load_parameters
+from rl_trainer.rollout import Record, rollout
+
+SEED, STONES = 17, 6
+TANH = 1e-4  # N m, as far as numpy's tanh and C's differ in the last bit
+
+
+def walked_in_python_and_c(
+    name: str, policy: str, folder: Path, mass_scale: float = 2.0
+) -> tuple[np.ndarray, np.ndarray, str]:
+    """The torques of all ticks, and what the program says."""
+    parameters = load_parameters(name, "stones", qp_solver="daqp")
+    plant = SimulationParameters(plant="mujoco", mass_scale=mass_scale, stones=STONES)
+    simulation, controller = Assembly(plant, parameters, resolve_policy(policy, parameters)).build()
+    export(controller, folder)
+    write_example(folder, simulation, SEED)
+    subprocess.run(["make", "-s", "-C", folder], check=True)
+    said = subprocess.run(["./example", "torques"], cwd=folder, check=True, capture_output=True, text=True).stdout
+    torques = list[np.ndarray]()
+
+    def keep(record: Record) -> None:
+        torques.append(record.output.torque)
+
+    rollout(simulation, controller, SEED, keep)
+    return np.array(torques), np.fromfile(folder / "torques").reshape(-1, 4), said
+
+
+@pytest.mark.parametrize(("name", "mass_scale"), [("ours", 1.0), pytest.param("best", 2.0, marks=pytest.mark.thorough)])
+def test_without_a_policy_each_torque_has_the_bits_of_pythons(name: str, mass_scale: float, tmp_path: Path) -> None:
+    in_python, in_c, said = walked_in_python_and_c(name, "zero", tmp_path, mass_scale)
+    assert in_c.tobytes() == in_python.tobytes()
+    assert f"in {len(in_python)} ticks" in said
+
+
+@pytest.mark.thorough
+def test_a_policy_walks_as_far(tmp_path: Path) -> None:
+    in_python, in_c, said = walked_in_python_and_c("ours", "rl-cbf-clf-qp", tmp_path)
+    assert np.abs(in_c - in_python).max() < TANH
+    assert said == f"{STONES} of {STONES} stones in {len(in_python)} ticks\n"
+
+
+def test_what_is_python_is_refused(tmp_path: Path) -> None:
+    for changes in ({"controller": "l1-clf-qp"}, {"controller": "cbf-clf-qp", "qp_solver": "osqp"}):
+        parameters = load_parameters("ours", **{"qp_solver": "daqp", **changes})
+        controller = Assembly(SimulationParameters(terrain=parameters.terrain), parameters, "zero").make_controller()
+        with pytest.raises(ExportError, match="expected no estimator in Python"):
+            export(controller, tmp_path / "out")
+        assert not (tmp_path / "out").exists()
