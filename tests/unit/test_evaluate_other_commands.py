@@ -68,7 +68,7 @@ def test_bench_measures_and_asserts_nothing(tmp_path: Path) -> None:
     assert done.exit_code == 0, done.output
     figures = json.loads((tmp_path / "bench.json").read_text())
     assert {"best.act_us", "best.batch_share", "first_tick_s.cold", "best.walk_over_engine.pybullet"} < figures.keys()
-    assert all(value > 0 for value in figures.values())
+    assert all(value > 0 for value in figures.values() if isinstance(value, float))
 
 
 @pytest.mark.parametrize(

@@ -28,7 +28,7 @@ GROUP = "rabbit.commands"
 # as the help text lists them; those of other packages follow by name
 ORDER = (
     *("play", "walk", "view", "run", "evaluate", "system", "benchmark", "misses", "speed", "reproduce"),
-    *("gait", "train", "scales", "policy", "estimates", "estimator", "rival", "residual"),
+    *("gait", "train", "scales", "policy", "export", "estimates", "estimator", "rival", "residual"),
     *("bench", "jitter", "soak", "faults", "bag", "video"),
 )
 # what `pip install` leaves out unless asked: who only walks needs none of it
