@@ -62,9 +62,8 @@ def test_a_policy_of_another_rate_is_refused() -> None:
 
 
 def test_stamps_say_the_time_at_every_rate() -> None:
-    assert {
-        (header(round(1.5 / tick), tick).stamp.sec, header(round(1.5 / tick), tick).stamp.nanosec) for tick in TICKS
-    } == {(1, 500_000_000)}
+    stamps = [header(round(1.5 / tick), tick).stamp for tick in TICKS]
+    assert [(stamp.sec, stamp.nanosec) for stamp in stamps] == [(1, 500_000_000)] * 4
 
 
 @pytest.mark.parametrize("tick", TICKS)
@@ -127,7 +126,8 @@ def test_the_identification_has_windows_of_10_ms() -> None:
 
 
 def test_the_means_over_a_tick_are_those_of_the_motion() -> None:
-    """About one moment of a smooth motion they differ by the square of the tick alone."""
+    """About one moment of a smooth motion they differ by the square of the tick alone; V-dot, which is that with V's
+    gradient as the tick begins, by the tick."""
     moment, preview = 0.1, StonePreview(1, 0.32, 0.38)
     rng = np.random.default_rng(4)
     gait = load_gaits("stones_0350_084")
@@ -152,8 +152,10 @@ def test_the_means_over_a_tick_are_those_of_the_motion() -> None:
         found.append(controller.step(at(1, moment + tick / 2)).measured[:3])  # V, B1, B2
     coarse, fine, finest = found
     assert np.isfinite(coarse).all()
-    np.testing.assert_allclose(coarse - finest, (coarse - fine) * (1 - 0.01) / (1 - 0.25), rtol=0.1, atol=1e-6)
-    np.testing.assert_allclose(coarse, finest, rtol=0.02, atol=0.5)
+    for rows, order in (([1, 2], 2), ([0], 1)):
+        share = (1 - 0.1**order) / (1 - 0.5**order)  # of these errors' differences
+        np.testing.assert_allclose((coarse - finest)[rows], share * (coarse - fine)[rows], rtol=0.1)
+    np.testing.assert_allclose(coarse[1:], finest[1:], rtol=0.01)
 
 
 @pytest.mark.parametrize("tick", [0.01, 0.002])
