@@ -13,7 +13,7 @@ def whole_substeps(seconds: float) -> float:
     """The tick that is meant, s; raises `ValueError` where it is no whole number of substeps."""
     steps = seconds / SUBSTEP_SECONDS
     if abs(steps - round(steps)) > 1e-6:
-        raise ValueError(f"{seconds:g}: expected a multiple of {SUBSTEP_SECONDS:g} s, as 0.01, 0.005, 0.002 or 0.001")
+        raise ValueError(f"a multiple of {SUBSTEP_SECONDS:g} s, as 0.01, 0.005, 0.002 or 0.001")
     return round(steps) / round(1 / SUBSTEP_SECONDS)
 
 
