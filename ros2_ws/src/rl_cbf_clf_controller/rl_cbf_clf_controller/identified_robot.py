@@ -67,7 +67,7 @@ def first_known(nominal: RobotNumbers) -> dict[str, Array]:
     known, nothing = unknown(nominal), np.zeros(1)
     used = {"used": known["value"], "numbers": nominal.row, "lateness": nothing, "disbelief": nothing}
     noise = dict.fromkeys(("errors", "differences", "standing"), nothing)
-    sums = {"ticks": nothing, "start": np.zeros(2 * DOF), "torques": np.zeros(JOINTS), "forces": np.zeros(4)}
+    sums = {"ticks": nothing, "start": np.zeros(2 * DOF), "torques": np.zeros(JOINTS), "forces": np.zeros((2, 2))}
     last = {"tick": np.full(1, -2), "torque": no_torque(), "x": np.zeros(2 * DOF)}
     return {**known, **UNKNOWN, **used, **noise, **sums, **last}
 
@@ -86,13 +86,13 @@ def after_tick(nominal: RobotNumbers, gives_way: bool, tick_seconds: float = TIC
     pinned = ca.logic_and(follows, ca.logic_and(swing < CONTACT_FORCE, stance >= CONTACT_FORCE))
     begins = ca.logic_or(known["ticks"] == 0, known["ticks"] == length)
     start = ca.if_else(begins, known["x"], known["start"])
-    sums = {"torques": now["torque"], "forces": ca.vec(now["force"])}
+    sums = {"torques": now["torque"], "forces": now["force"]}
     sums = {name: ca.if_else(begins, each, known[name] + each) for name, each in sums.items()}
     ticks = pinned * (ca.if_else(begins, 0, known["ticks"]) + 1)
     is_whole = ticks == length
     standing = pinned * (known["standing"] + is_whole)
     learns = ca.logic_and(is_whole, standing > SETTLING)
-    torque, force = sums["torques"] / length, ca.reshape(sums["forces"], 2, 2) / length
+    torque, force = sums["torques"] / length, sums["forces"] / length
     turned, rates = now["x"][PITCH] - start[PITCH], now["x"][DOF + PITCH] + start[DOF + PITCH]
     error = ca.fabs(rates / 2 - turned / seconds)
     errors = known["errors"] + ca.if_else(learns, ca.fmin(error, PUSHED), 0)
