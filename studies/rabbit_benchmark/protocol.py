@@ -7,6 +7,7 @@ from typing import Literal
 
 from pydantic import ValidationError
 from rabbit_description.gait import GaitError
+from rabbit_description.state import TICK_SECONDS
 from rabbit_description.validation import one_line
 from rabbit_experiments.assembly import AssemblyError
 from rabbit_experiments.evaluation import Walk, episode_seeds
@@ -35,6 +36,7 @@ class Protocol:
     stones: int = STONES
     sensors: Literal["exact", "lab"] = "exact"
     plant: Literal["pybullet", "mujoco"] = "pybullet"
+    tick_seconds: float = TICK_SECONDS
 
     def walks(self, method: Method, cell: Cell) -> list[Walk]:
         """A run for each course.
@@ -46,13 +48,14 @@ class Protocol:
         if contender is None:
             raise CannotTake(f"no controller for {cell.terrain}")
         seed = SEEDS[self.seeds]
+        tick = {} if self.tick_seconds == TICK_SECONDS else {"tick_seconds": self.tick_seconds}
         courses = episode_seeds(seed + zlib.crc32(cell.name.encode()), cell.courses(self.courses))
         try:
             title = f"{method.name}, {cell.name}"
             walks = []
             for run, course in courses.items():
                 plant = cell.plant(run, seed) | ({"sensors": "lab"} if self.sensors == "lab" else {})
-                assembly = contender.assembly(stones=self.stones, plant=self.plant, **plant)
+                assembly = contender.assembly(tick, stones=self.stones, plant=self.plant, **plant)
                 walks.append(Walk(assembly, course, run, title=title))
             walks[0].assembly.make_policy()
             provenance(plain(walks[0]))

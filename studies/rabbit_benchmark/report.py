@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from rabbit_description.atomic_file import replace_text
+from rabbit_description.state import TICK_SECONDS
 from rabbit_experiments import provenance
 from rabbit_experiments.cache import Cache
 from rabbit_experiments.metrics import RunResult
@@ -74,12 +75,13 @@ class Benchmark:
 
     def page(self) -> str:
         """The page."""
-        seeds = self.protocol.seeds
+        seeds, seconds = self.protocol.seeds, self.protocol.tick_seconds
+        tick = "" if seconds == TICK_SECONDS else f", ticks of {seconds * 1e3:g} ms"
         head = (
             f"# Benchmark\n\n    {provenance.command()}\n\n"
             f"Commit {provenance.commit() or 'unknown'}. The {seeds} seeds ({SEEDS[seeds]}), "
             f"{self.protocol.courses} courses of {self.protocol.stones} stones or steps a cell, "
-            f"{ENGINES[self.protocol.plant]}. "
+            f"{ENGINES[self.protocol.plant]}{tick}. "
             "All methods walk the same courses. Walked of courses, with Wilson's 95% interval.\n\n"
         )
         return (

@@ -110,9 +110,16 @@ def plant_numbers() -> dict[str, Any]:
         **{"farthest_edge": plant.FARTHEST_EDGE, "platform_start": terrain.PLATFORM_START},
         **{"kept_stones": terrain.KEPT_STONES, "stone_depth": engine_plant.STONE_DEPTH, "away": mujoco_plant.AWAY},
         **{"impedance": mujoco_plant.IMPEDANCE, "edge_depth": touchdown_detector.EDGE_DEPTH},
-        **{"fastest_fall": touchdown_detector.FASTEST_FALL, "flight_ticks": simulation.FLIGHT_TICKS},
+        **{
+            "fastest_fall": touchdown_detector.FASTEST_FALL,
+            "flight_ticks": round(simulation.FLIGHT_SECONDS / TICK_SECONDS),
+        },
         **{"slip_friction": simulation.SLIP_FRICTION, "slip_distance": simulation.SLIP_DISTANCE},
-        **{"stall_ticks": simulation.STALL_TICKS, "link_length": LINK_LENGTH, "torso_length": TORSO},
+        **{
+            "stall_ticks": round(simulation.STALL_SECONDS / TICK_SECONDS),
+            "link_length": LINK_LENGTH,
+            "torso_length": TORSO,
+        },
     }
 
 

@@ -40,7 +40,8 @@ class Contender:
         terrain = find_kind(self.controller).terrain
         changes = dict(self.tuning) | (tuning or {})
         controller = load_parameters(self.parameters, terrain, controller=self.controller, **changes)
-        simulation = SimulationParameters.model_validate({"motor_lag": EVALUATION_LAG, "terrain": terrain, **plant})
+        usual = {"motor_lag": EVALUATION_LAG, "terrain": terrain, "tick_seconds": controller.tick_seconds}
+        simulation = SimulationParameters.model_validate({**usual, **plant})
         return self.kind(simulation, controller, resolve_policy(self.policy, controller))
 
 

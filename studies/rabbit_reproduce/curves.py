@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from rabbit_description.force_ratio import IMPACT_TICKS, force_ratio
-from rabbit_description.state import JOINTS, TICK_SECONDS, Array
+from rabbit_description.force_ratio import force_ratio, impact_ticks
+from rabbit_description.state import JOINTS, Array
 from rabbit_experiments.summary import Walks, wilson
 from rabbit_experiments.walk_records import WalkRecords
 from rabbit_viewer import style
@@ -23,7 +23,7 @@ def late_and_impact_ratio(walk: WalkRecords) -> tuple[Array, Array]:
     ratio = force_ratio(walk.stance_force)
     starts = walk.tick[walk.step_starts]
     age = walk.tick - starts[np.searchsorted(starts, walk.tick, side="right") - 1]
-    late = age >= IMPACT_TICKS
+    late = age >= impact_ticks(walk.tick_seconds)
     return np.where(late, ratio, np.nan), np.where(late, np.nan, ratio)
 
 
@@ -47,7 +47,7 @@ def tracking_figure(walks: Mapping[Contender, WalkRecords]) -> Figure:
         axes.set_ylim(bottom=0)
     style.legend(panels[0])
     panels[-1].set_xlabel("time (s)")
-    panels[-1].set_xlim(0, max(len(walk.tick) for walk in walks.values()) * TICK_SECONDS)
+    panels[-1].set_xlim(0, max(len(walk.tick) * walk.tick_seconds for walk in walks.values()))
     figure.align_ylabels(panels)
     return figure
 

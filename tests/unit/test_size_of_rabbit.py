@@ -18,13 +18,12 @@ OF_THE_ROBOT = {
 }
 INNOCENT = {  # a 7 or a 4 that is none of the robot's: file, line, and what it is
     "cbf_clf_qp/affine.py": {"if n <= 4": "up to which size a matrix is inverted by minors"},
-    "contact_aided_filter.py": {"4 * p.accelerometer_noise": "(2 sigma)^2", "DT**4 / 12": "of an integral"},
+    "contact_aided_filter.py": {"4 * p.accelerometer_noise": "(2 sigma)^2", "dt**4 / 12": "of an integral"},
     "commands/system.py": {"DECIMALS = 4": "digits"},
     "own_systems/pictures.py": {"markersize=4": "points"},
     "own_systems/ros/trainer.py": {"Field(4": "episodes"},
     "launch/walk.launch.py": {"4 * PATIENCE": "seconds"},
     "rabbit_common/exit_codes.py": {"NODE_DIED = 4": "an exit code"},
-    "rabbit_description/force_ratio.py": {"IMPACT_TICKS = 4": "ticks"},
     "rabbit_experiments/metrics.py": {"round(seconds, 7)": "digits"},
     "former_messages.py": {"bytes(4)": "bytes"},
     "message_header.py": {"// 4 * 4": "bytes", "data[4:16]": "bytes"},

@@ -9,7 +9,10 @@ import typer
 from rabbit_common.exit_codes import of_interrupt
 from rabbit_common.options import complaints, fail, is_bare, tell_if_bare
 from rabbit_common.own_folder import own_folder
+from rabbit_description.state import TICK_SECONDS
+from rabbit_description.tick import ABOUT_TICK
 from rabbit_description.validation import one_of
+from rabbit_sim.parameters import SimulationParameters
 
 app = typer.Typer(add_completion=False)
 
@@ -37,6 +40,7 @@ def benchmark(
     against: Annotated[str, typer.Option(help="method that the others are compared with")] = "identified",
     out: Annotated[Path, typer.Option(help="folder of the results; what was stopped goes on")] = Path("runs/benchmark"),
     plant: Annotated[Literal["pybullet", "mujoco"], typer.Option(help="physics engine")] = "pybullet",
+    tick_seconds: Annotated[float, typer.Option(help=ABOUT_TICK)] = TICK_SECONDS,
     batch: Annotated[
         int, typer.Option(min=1, max=4096, help="runs that a process walks at once (needs --plant mujoco)")
     ] = 1,
@@ -57,6 +61,8 @@ def benchmark(
         methods = None if methods == ["all"] else methods
         entered = [each for name in dict.fromkeys(methods or names()) for each in variants(name)]
         wanted = chosen([name for name in cells.split(",") if name])
+    with complaints():
+        tick_seconds = SimulationParameters(tick_seconds=tick_seconds).tick_seconds
     if batch > 1 and plant != "mujoco":
         fail(f"--batch {batch} with --plant {plant}: expected --plant mujoco")
     processes = jobs or os.cpu_count() or 1
@@ -76,7 +82,7 @@ def benchmark(
         return
     if against not in (REFERENCE, *(each.name for each in entered)):
         fail(f"--against {against}: expected {one_of(against, [REFERENCE, *(each.name for each in entered)])}")
-    protocol = Protocol(courses, seeds, sensors=sensors, plant=plant)
+    protocol = Protocol(courses, seeds, sensors=sensors, plant=plant, tick_seconds=tick_seconds)
     with progress_bar() as bar:
         runs = plan(protocol, entered, wanted, partial(bar.track, description="plans"))
     for each in entered if methods else ():

@@ -48,6 +48,7 @@ def generate_launch_description() -> LaunchDescription:
     shipped = ["'", chosen, "' if '", chosen, f"' in {LEARNED} else 'zero'"]
     its_policy = {"policy": PythonExpression([*shipped, " if '", policy, "' == 'shipped' else '", policy, "'"])}
     package, _, executable = (PythonExpression(["'", chosen, f"'.partition('/')[{part}]"]) for part in range(3))
+    tick = {"tick_seconds": parameters_of(SimulationParameters)["tick_seconds"]}
     waits = {
         "trainer": IfElseSubstitution(Argument("trainer"), "follow", "ignore"),
         "readers": ParameterValue(IfElseSubstitution(Argument("recorder"), "2", "1"), value_type=int),
@@ -69,7 +70,7 @@ def generate_launch_description() -> LaunchDescription:
                 {**parameters_of(*simulator, but=("trainer", *NO_ARGUMENTS)), **waits},
                 condition=IfCondition(Argument("simulator")),
             ),
-            node("estimator", {}, condition=IfCondition(AndSubstitution(is_lab, Argument("estimator")))),
+            node("estimator", tick, condition=IfCondition(AndSubstitution(is_lab, Argument("estimator")))),
             node(
                 "controller",
                 {**parameters_of(controller), **its_policy},
@@ -86,7 +87,7 @@ def generate_launch_description() -> LaunchDescription:
             ),
             node(
                 "trainer",
-                {"seed": parameters_of(NodeParameters)["seed"], **its_policy},
+                {"seed": parameters_of(NodeParameters)["seed"], **tick, **its_policy},
                 condition=IfCondition(Argument("trainer")),
             ),
             beside("record.launch.py", "recorder"),

@@ -59,9 +59,12 @@ class Hardware(Plant):
     `sensors`: the newest, None before the first; `at`: their time, s; `foot_force` (2, 2), in the soles, x and z, N.
     """
 
-    def __init__(self, parameters: HardwareParameters, send: Callable[[Array], None]) -> None:
-        self._p, self._send = parameters, send
-        self._estimator, self._feet = ContactAidedFilter(EstimatorParameters()), RabbitFeet()
+    def __init__(
+        self, parameters: HardwareParameters, send: Callable[[Array], None], tick_seconds: float = TICK_SECONDS
+    ) -> None:
+        self._p, self._send, self._tick_seconds = parameters, send, tick_seconds
+        self._estimator = ContactAidedFilter(EstimatorParameters(tick_seconds=tick_seconds))
+        self._feet = RabbitFeet()
         self.sensors: BodySensors | None = None
         self.at = 0.0
         self.foot_force = np.zeros((2, 2))
@@ -92,7 +95,9 @@ class Hardware(Plant):
     def command(self, torque: Array) -> None:
         """Send a torque (4,), N m, as far and as fast as it may go by the time of the newest sensors."""
         if self._ramped_from is None:
-            self._ramped_from = self._sent_at = self.at - TICK_SECONDS  # the first one acts over the tick that begins
+            self._ramped_from = self._sent_at = (
+                self.at - self._tick_seconds
+            )  # the first one acts over the tick that begins
         share = min(1.0, (self.at - self._ramped_from) / self._p.ramp)
         most = self._p.command_rate * (self.at - self._sent_at)
         self._asked = torque

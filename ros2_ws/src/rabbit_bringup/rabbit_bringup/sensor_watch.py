@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
-from rabbit_description.state import ACTUATED, TICK_NANOSECONDS, Array, BodySensors
+from rabbit_description.state import ACTUATED, TICK_SECONDS, Array, BodySensors
 
 JITTER = 0.1  # of a tick, by which its sensors' stamps may come early
 SECOND = 1_000_000_000  # ns
@@ -11,12 +11,15 @@ TURNS = 0.5  # rad/s, above which the robot moves
 
 
 class SensorClock:
-    """The sensors are the clock: a tick is complete once all have a stamp 10 ms after the last tick's.
+    """The sensors are the clock: a tick is complete once all have a stamp a tick after the last one's.
 
     `ticked`: the stamp of the newest tick, ns, 0 before the first; `fault`: why nobody may walk by it, or empty.
     """
 
-    def __init__(self, names: Sequence[str], largest_tick: float, largest_skew: float) -> None:
+    def __init__(
+        self, names: Sequence[str], largest_tick: float, largest_skew: float, tick_seconds: float = TICK_SECONDS
+    ) -> None:
+        self._tick = round(tick_seconds * SECOND)
         self._largest_tick, self._largest_skew = largest_tick, largest_skew
         self._stamps = dict.fromkeys(names, 0)
         self.ticked, self.fault = 0, ""
@@ -30,7 +33,7 @@ class SensorClock:
             self.ticked = 0
             return True
         (last, oldest), (first, newest) = self._ends
-        if not oldest or oldest < self.ticked + (1 - JITTER) * TICK_NANOSECONDS:
+        if not oldest or oldest < self.ticked + (1 - JITTER) * self._tick:
             return False
         passed, skew = (oldest - self.ticked) / SECOND, (newest - oldest) / SECOND
         self.fault = ""

@@ -1,11 +1,18 @@
 """|F_T| / F_N of a foot, which means something only where the foot is loaded."""
 
+import math
+
 import numpy as np
 
-from rabbit_description.state import Array
+from rabbit_description.state import TICK_SECONDS, Array
 
 LOADED = 20.0  # N, normal force from which the ratio is judged and shown
-IMPACT_TICKS = 4  # of a step's beginning, whose mean force may hold some of the 30 ms after impact
+IMPACT_SECONDS = 0.03  # s after impact, in which a foot's force says little
+
+
+def impact_ticks(tick_seconds: float = TICK_SECONDS) -> int:
+    """So many of a step's beginning, whose mean force may hold some of the time after impact."""
+    return math.ceil(IMPACT_SECONDS / tick_seconds - 1e-9) + 1
 
 
 def force_ratio(force: Array) -> Array:

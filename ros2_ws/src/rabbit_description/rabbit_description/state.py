@@ -13,8 +13,7 @@ from rabbit_description.planar_urdf import BASE, BASE_JOINTS
 
 Array = NDArray[Any]  # float64 unless said otherwise
 
-TICK_SECONDS = 0.01  # s, the paper's T_s
-TICK_NANOSECONDS = round(TICK_SECONDS * 1e9)
+TICK_SECONDS = 0.01  # s, the paper's T_s: a tick unless `tick_seconds` says otherwise, see `tick.py`
 TORQUE_LIMIT = 200.0  # N m at each joint
 ROBOT_MASS = 32.0  # kg, nominal
 
@@ -152,11 +151,6 @@ class RobotState:
         state = object.__new__(type(self))
         state.__dict__.update(self.__dict__, q=q)
         return state
-
-    @property
-    def time(self) -> float:
-        """Seconds since the reset."""
-        return self.tick * TICK_SECONDS
 
     @property
     def joints(self) -> tuple[Array, Array]:

@@ -34,7 +34,6 @@ from rabbit_estimator.encoder_gate import EncoderGate, Innovation
 from rabbit_estimator.leg_kinematics import foothold, foothold_jacobian, foothold_rate_by_angles
 from rabbit_estimator.parameters import EstimatorParameters
 
-DT = TICK_SECONDS
 GRAVITY = np.array([0.0, -9.81])
 
 
@@ -76,10 +75,11 @@ class ContactAidedFilter:
 
     def __init__(self, parameters: EstimatorParameters) -> None:
         self.parameters = parameters
-        self._f, self._h = constant_transition(), constant_derivatives(parameters)
+        self._f, self._h = constant_transition(parameters.tick_seconds), constant_derivatives(parameters)
         self._wandering, self._noise = process_noise(parameters), measurement_noise(parameters)
         self._shaken = [shock_noise(parameters, stance) for stance in Leg]
-        self._sinking = 1 - np.exp(-DT / parameters.sinking_time)
+        self._sinking = 1 - np.exp(-parameters.tick_seconds / parameters.sinking_time)
+        self._settles = parameters.settling ** (parameters.tick_seconds / TICK_SECONDS)
         self.innovation: Innovation | None = None
         self._tick = -1
 
@@ -145,7 +145,7 @@ class ContactAidedFilter:
         p = self.parameters
         self._stance, self._standing, self._landed = Leg.LEFT, True, 0
         self._load = self._push = self._unsettled = 0.0
-        self._gate = EncoderGate()
+        self._gate = EncoderGate(p.tick_seconds)
         self._attitude, self._pitch_rate = sensors.attitude, sensors.pitch_rate
         self.innovation = None
         x = self.mean = np.zeros(SIZE)
@@ -174,20 +174,20 @@ class ContactAidedFilter:
 
     def _predict(self, sensors: BodySensors) -> float:
         """Go on for a tick; returns the shock in it squared, (m/s^2)^2: what f changed by more than its noise."""
-        p, x, f = self.parameters, self.mean, self._f
-        turned = sensors.attitude - self._attitude - x[GYRO] * DT
+        p, x, f, dt = self.parameters, self.mean, self._f, self.parameters.tick_seconds
+        turned = sensors.attitude - self._attitude - x[GYRO] * dt
         rotation = turn(x[PITCH] + turned / 2)
         force = sensors.specific_force - x[ACCELEROMETER]
         pushed = rotation @ force
-        gained = (pushed + GRAVITY) * DT
-        f[V, PITCH] = pushed[1] * DT, -pushed[0] * DT
-        f[V, ACCELEROMETER] = -rotation * DT
-        f[P, PITCH], f[P, ACCELEROMETER] = f[V, PITCH] * DT / 2, f[V, ACCELEROMETER] * DT / 2
-        x[P] += x[V] * DT + gained * DT / 2
+        gained = (pushed + GRAVITY) * dt
+        f[V, PITCH] = pushed[1] * dt, -pushed[0] * dt
+        f[V, ACCELEROMETER] = -rotation * dt
+        f[P, PITCH], f[P, ACCELEROMETER] = f[V, PITCH] * dt / 2, f[V, ACCELEROMETER] * dt / 2
+        x[P] += x[V] * dt + gained * dt / 2
         x[V] += gained
         x[PITCH] += turned
-        x[J] += x[DJ] * DT + x[DDJ] * DT**2 / 2
-        x[DJ] += x[DDJ] * DT
+        x[J] += x[DJ] * dt + x[DDJ] * dt**2 / 2
+        x[DJ] += x[DDJ] * dt
         x[GYRO_NOISE] = 0
         change = sensors.specific_force - self._force
         self._force = sensors.specific_force
@@ -197,9 +197,10 @@ class ContactAidedFilter:
 
     def _watch_feet(self, state: RobotState) -> None:
         """Which foot stands, since when, and under which load: the swing foot lands, or the stance foot after a hop."""
-        p, swing, steps = self.parameters, self._stance.other, (state.tick - self._landed) * DT
+        p, swing = self.parameters, self._stance.other
+        steps = (state.tick - self._landed) * p.tick_seconds
         self._standing, stood = True, self._standing
-        self._unsettled *= p.settling
+        self._unsettled *= self._settles
         if state.contact[swing] and steps > p.least_step:
             self._stance = swing
             self._land(state.tick)
@@ -226,12 +227,12 @@ class ContactAidedFilter:
         covariance[C, C] = to @ covariance @ to.T + p.landing_shift**2 * np.eye(2)
 
     def _correct(self, sensors: BodySensors, shock: float) -> None:
-        p = self.parameters
+        p, dt = self.parameters, self.parameters.tick_seconds
         rows = slice(None) if self._standing else ENCODERS  # nothing is known of a foot in the air
         noise = self._noise.copy()
-        noise[RATES, RATES] += (p.shock_measured * DT) ** 2 * shock * EACH
-        noise[SPEED, SPEED] += (self._unsettled**2 + (p.shock_foot * DT) ** 2 * shock) * np.eye(2)
-        self.covariance[C, C] += (self._unsettled * DT) ** 2 * np.eye(2)
+        noise[RATES, RATES] += (p.shock_measured * dt) ** 2 * shock * EACH
+        noise[SPEED, SPEED] += (self._unsettled**2 + (p.shock_foot * dt) ** 2 * shock) * np.eye(2)
+        self.covariance[C, C] += (self._unsettled * dt) ** 2 * np.eye(2)
         measured = np.concatenate([sensors.joint_angles, sensors.joint_rates, np.zeros(MEASURED - RATES.stop)])
         value = (measured - self._expect(sensors))[rows]
         h = self._h[rows]
@@ -275,12 +276,12 @@ def turn(pitch: float) -> Array:
     return np.array([[c, s], [-s, c]])
 
 
-def constant_transition() -> Array:
-    """Derivative of x over the last tick's, (28, 28), without what depends on x."""
+def constant_transition(dt: float) -> Array:
+    """Derivative of x over the last tick's, `dt` s before, (28, 28), without what depends on x."""
     f = np.eye(SIZE)
-    f[P, V], f[PITCH, GYRO] = DT * np.eye(2), -DT
-    f[J, DJ] = f[DJ, DDJ] = DT * EACH
-    f[J, DDJ] = DT**2 / 2 * EACH
+    f[P, V], f[PITCH, GYRO] = dt * np.eye(2), -dt
+    f[J, DJ] = f[DJ, DDJ] = dt * EACH
+    f[J, DDJ] = dt**2 / 2 * EACH
     f[GYRO_NOISE, GYRO_NOISE] = 0  # each tick has its own
     return f
 
@@ -305,30 +306,30 @@ def measurement_noise(p: EstimatorParameters) -> Array:
 
 def process_noise(p: EstimatorParameters) -> Array:
     """What a tick without a shock adds to the covariance, (28, 28)."""
-    noise = np.zeros((SIZE, SIZE))
-    v = (p.accelerometer_noise * DT) ** 2
-    noise[V, V], noise[P, P] = v * np.eye(2), v * DT**2 / 3 * np.eye(2)
-    noise[PITCH, PITCH], noise[GYRO_NOISE, GYRO_NOISE] = (p.gyro_noise * DT) ** 2, p.gyro_noise**2
+    noise, dt = np.zeros((SIZE, SIZE)), p.tick_seconds
+    v = (p.accelerometer_noise * dt) ** 2
+    noise[V, V], noise[P, P] = v * np.eye(2), v * dt**2 / 3 * np.eye(2)
+    noise[PITCH, PITCH], noise[GYRO_NOISE, GYRO_NOISE] = (p.gyro_noise * dt) ** 2, p.gyro_noise**2
     order = np.arange(3)[::-1]  # of the integrals of white noise that angle, rate and acceleration are
     total = order[:, None] + order + 1
     factorials = np.array([2.0, 1.0, 1.0])
-    wandering = p.jerk**2 * DT**total / (total * np.outer(factorials, factorials))
+    wandering = p.jerk**2 * dt**total / (total * np.outer(factorials, factorials))
     for joint in range(JOINTS):
         at = np.array([J.start, DJ.start, DDJ.start]) + joint
         noise[np.ix_(at, at)] = wandering
-    noise[C, C] = p.foot_roll**2 * np.eye(2)
+    noise[C, C] = p.foot_roll**2 * (dt / TICK_SECONDS) * np.eye(2)  # a random walk
     return noise
 
 
 def shock_noise(p: EstimatorParameters, stance: Leg) -> Array:
     """What a shock of 1 m/s^2 adds, (28, 28): at an unknown moment of the tick it changes rates and accelerations."""
-    noise = np.zeros((SIZE, SIZE))
-    noise[P, P], noise[V, V] = DT**4 / 12 * np.eye(2), (p.shock_speed * DT) ** 2 * np.eye(2)
+    noise, dt = np.zeros((SIZE, SIZE)), p.tick_seconds
+    noise[P, P], noise[V, V] = dt**4 / 12 * np.eye(2), (p.shock_speed * dt) ** 2 * np.eye(2)
     for joint in range(JOINTS):
         more = 1.0 if joint // 2 == stance else p.swing_shock
         at = np.array([J.start, DJ.start]) + joint
-        jump = np.array([[DT**2 / 3, DT / 2], [DT / 2, 1]])
-        noise[np.ix_(at, at)] = (more * p.shock_rate * DT) ** 2 * jump
+        jump = np.array([[dt**2 / 3, dt / 2], [dt / 2, 1]])
+        noise[np.ix_(at, at)] = (more * p.shock_rate * dt) ** 2 * jump
         noise[DDJ.start + joint, DDJ.start + joint] = (more * p.shock_acceleration) ** 2
     return noise
 

@@ -8,18 +8,19 @@ The first is the usual one (Bar-Shalom, Li, Kirubarajan 2001, section 5.7). For 
 impact's innovation is not Gaussian, and reached 15 in 10,572 ticks on twenty plants. The second one holds in the tick
 of an impact, when S is large: on those plants no impact changed a rate by more than 22 rad/s, or moved an angle by more
 than 0.17 rad from where it was expected (3,929 ticks).
-An encoder that was refused in `PATIENCE` ticks in a row may have slipped: its zero is then no longer known, so that it
-is used again.
+An encoder that was refused for `PATIENCE` seconds in a row may have slipped: its zero is then no longer known, so that
+it is used again.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
-from rabbit_description.state import JOINTS, Array
+from rabbit_description.state import JOINTS, TICK_SECONDS, Array
+from rabbit_description.tick import ticks_in
 
 GATE = 20.0
 JUMP = 0.2  # rad
-PATIENCE = 5  # ticks
+PATIENCE = 0.05  # s
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,8 @@ class Innovation:
 class EncoderGate:
     """`refused` (4,): for how many ticks in a row each joint has been."""
 
-    def __init__(self) -> None:
+    def __init__(self, tick_seconds: float = TICK_SECONDS) -> None:
+        self._patience = ticks_in(PATIENCE, tick_seconds)
         self.refused = np.zeros(JOINTS, dtype=int)
 
     def accepted(self, innovation: Innovation) -> Array:
@@ -57,4 +59,4 @@ class EncoderGate:
 
     def lost(self) -> list[int]:
         """Joints whose encoder has been refused for too long."""
-        return np.flatnonzero(self.refused >= PATIENCE).tolist()
+        return np.flatnonzero(self.refused >= self._patience).tolist()

@@ -46,6 +46,9 @@ class Assembly:
     def __post_init__(self) -> None:
         if self.controller.terrain == "stones" and self.simulation.terrain == "flat":
             raise AssemblyError("terrain", f"flat: expected stones, {self.controller.controller} steps on them")
+        ticks = self.simulation.tick_seconds, self.controller.tick_seconds
+        if ticks[0] != ticks[1]:
+            raise AssemblyError("tick-seconds", f"{ticks[0]:g} of the plant: expected the controller's, {ticks[1]:g}")
 
     def build(self, further: Further = nothing_further) -> tuple[Simulation, Controller]:
         """A plant and a controller that have seen nothing yet; `further` quantities of your own, see `Controller`.

@@ -1,9 +1,9 @@
 """One run in figures, taken tick by tick.
 
 Forces are the true ones at the tick's beginning, the mean over the tick before, on the foot that stands. A landing
-happens in the tick before the one that swaps the legs, so from the fourth tick of a step on the whole mean is more than
-30 ms after the impact; earlier ticks are "at impact". A force violation is a later tick over the cone (with
-F_N > 20 N) or without a push from the ground (F_N <= 0, "lost").
+happens in the tick before the one that swaps the legs, so in ticks of 10 ms the whole mean is more than 30 ms after
+the impact from the fourth tick of a step on; earlier ticks are "at impact". A force violation is a later tick over the
+cone (with F_N > 20 N) or without a push from the ground (F_N <= 0, "lost").
 """
 
 import json
@@ -14,7 +14,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, PlainSerializer
-from rabbit_description.force_ratio import IMPACT_TICKS, force_ratio
+from rabbit_description.force_ratio import force_ratio, impact_ticks
 from rabbit_description.state import JOINTS, Array
 from rabbit_sim.simulation import Landing, Outcome
 from rl_cbf_clf_controller.message_fields import STONE_BARRIERS
@@ -133,7 +133,7 @@ class RunTally:
 
     def __init__(self, run: int, parameters: ControllerParameters, foot_force: Callable[[], Array]) -> None:
         self.run, self._foot_force = run, foot_force
-        self.fault = ""
+        self.fault, self._impact_ticks = "", impact_ticks(parameters.tick_seconds)
         self._friction_coeff, self._pole = parameters.friction_coeff, parameters.barrier_pole_1
         self._rows: list[Array] = []
         self._active: list[tuple[str, ...]] = []
@@ -173,7 +173,7 @@ class RunTally:
         starts = np.diff(step, prepend=-1) != 0
         age = tick - tick[starts][np.cumsum(starts) - 1]
         ratio = np.nan_to_num(force_ratio(np.stack([tangential, normal], axis=1)))
-        measured, at_impact = tick > 0, age < IMPACT_TICKS  # at tick 0 there is no force yet
+        measured, at_impact = tick > 0, age < self._impact_ticks  # at tick 0 there is no force yet
         over, lost, late = measured & (ratio > self._friction_coeff), measured & (normal <= 0), measured & ~at_impact
         outside = starts & (promised < 0).any(axis=1)  # from there an ECBF promises nothing
         active, steps = Counter[str](), set[float]()

@@ -31,11 +31,11 @@ DRAWN = (
     *("controller", "adaptation", "friction_coeff", "friction_margin", "torque_limit"),
     *("R1", "R2", "stone_margin", "eps", "kp", "kd"),
 )
-DRAWN_OF_PLANT = ("mass_scale", "payload", "link_bend", "leg_stretch", "stones", "slope", "terrain")
+DRAWN_OF_PLANT = ("mass_scale", "payload", "link_bend", "leg_stretch", "stones", "slope", "terrain", "tick_seconds")
 PLANT = "simulation"  # in `about` of a run's records: all parameters of its plant, for a film to go on with
 MOST_BYTES = 200_000_000  # of records; a tick has about a thousand, half as many in the file
-GAINS = ("eps", "kp", "kd")  # positive
-NUMBERS = {*DRAWN[2:], "link_bend", "leg_stretch", "stones", "slope"}
+GAINS = ("eps", "kp", "kd", "tick_seconds")  # positive
+NUMBERS = {*DRAWN[2:], "link_bend", "leg_stretch", "stones", "slope", "tick_seconds"}
 MOST_NUMBER = 1e9
 WHOLE = ("tick", "touchdowns", "stance", "step_index")
 LEARNED = "learned controller"
@@ -125,9 +125,14 @@ class WalkRecords:
         return found
 
     @property
+    def tick_seconds(self) -> float:
+        """Length of a tick, s; a former file, which does not say, has the usual one."""
+        return float(self.about.get("tick_seconds", TICK_SECONDS))
+
+    @property
     def time(self) -> Array:
         """Seconds since the reset, (n,)."""
-        seconds: Array = self.tick * TICK_SECONDS
+        seconds: Array = self.tick * self.tick_seconds
         return seconds
 
     @property

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rabbit_description.force_ratio import IMPACT_TICKS
+from rabbit_description.force_ratio import IMPACT_SECONDS, impact_ticks
 from rabbit_description.gait import load_gait
 from rabbit_description.state import Array, Leg, RobotState, StonePreview
 from rabbit_estimator.parameters import EstimatorParameters
@@ -20,7 +20,7 @@ from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_trainer.rollout import Record
 
 PARAMETERS = load_parameters("ours")
-LATE = IMPACT_TICKS  # a tick's age at which the impact is over
+LATE = impact_ticks()  # a tick's age at which the impact is over
 
 
 @pytest.fixture(scope="module")
@@ -73,9 +73,11 @@ def test_largest_ratio_is_taken_of_loaded_ticks_after_the_impact(record: Record)
     assert row_of(record, [(90.0, 100.0)], age=0).max_force_ratio == 0.0
 
 
-def test_the_window_is_30_ms_of_whole_ticks() -> None:
+@pytest.mark.parametrize("tick", [0.01, 0.005, 0.003, 0.002, 0.001])
+def test_the_window_is_30_ms_of_whole_ticks(tick: float) -> None:
     # the landing is up to a tick before the swap; the mean of tick k begins at k - 1
-    assert (IMPACT_TICKS - 1) * 0.01 >= 0.03 > (IMPACT_TICKS - 2) * 0.01
+    ticks, rounding = impact_ticks(tick), 1e-12
+    assert (ticks - 1) * tick + rounding >= IMPACT_SECONDS > (ticks - 2) * tick + rounding
 
 
 def run(record: Record, landings: list[Landing], outcome: Outcome, force: Array, **changes: Any) -> RunResult:

@@ -63,6 +63,7 @@ class EpisodeInventory:
     begins: bool = False
     ends: bool = False
     policies: list[str] = field(default_factory=list)
+    tick_seconds: float = TICK_SECONDS
 
 
 ANNOUNCED = ("seed", "stones", "touchdowns", "outcome", "reason", "controller", "refused_controller")
@@ -119,9 +120,13 @@ class Gathered:
 
     @property
     def _tick_nanoseconds(self) -> float:
+        return 1e9 * self._tick_seconds
+
+    @property
+    def _tick_seconds(self) -> float:
         """As announced; in a former recording, or where it cannot be, RABBIT's."""
-        seconds = getattr(self.announced, "tick_seconds", TICK_SECONDS)
-        return 1e9 * (seconds if LEAST_TICK <= seconds < math.inf else TICK_SECONDS)
+        seconds = float(getattr(self.announced, "tick_seconds", TICK_SECONDS))
+        return seconds if LEAST_TICK <= seconds < math.inf else TICK_SECONDS
 
     def _own(self, claims: list[StoredMessage]) -> StoredMessage | None:
         """Of what claims to be one message, that of the controller whose torques acted; None: it is only another's."""
@@ -147,7 +152,7 @@ class Gathered:
         made = EpisodeInventory(self.episode, presence)
         if said is not None:
             vars(made).update({name: getattr(said, name) for name in ANNOUNCED})
-            made.ends = bool(made.outcome)
+            made.ends, made.tick_seconds = bool(made.outcome), self._tick_seconds
         if full := self.full_ticks(ticks):
             made.first, made.last, made.recorded, made.begins = full[0], full[-1], len(full), full[0] == 0
         made.policies = [*dict.fromkeys(ticks["torque"][tick].decode().policy_version for tick in full)]

@@ -39,13 +39,14 @@ class ExplainedTick:
     explanation: Explanation
     before: tuple[Record, Explanation] | None
     is_set: bool = False
+    tick_seconds: float = TICK_SECONDS
 
     @property
     def title(self) -> str:
         """Which tick it is."""
         output = self.record.output
         where = f"step {output.step_index}, on the {LEGS[output.stance]} leg for {output.step_time:.2f} s"
-        return f"{self.of}, tick {output.tick} ({output.tick * TICK_SECONDS:.2f} s): {where}"
+        return f"{self.of}, tick {output.tick} ({output.tick * self.tick_seconds:.2f} s): {where}"
 
     def lines(self) -> list[str]:
         """All of it in words."""
@@ -101,7 +102,9 @@ def explain_tick(path: Path, tick: int | None = None, number: int | None = None)
                 explained.append((record, explain(*decided)))
     *before, (record, explanation) = explained
     is_set = tick in [each.tick for each in episode.settings]
-    return ExplainedTick(f"episode {episode.number}", record, explanation, before[0] if before else None, is_set)
+    return ExplainedTick(
+        f"episode {episode.number}", record, explanation, before[0] if before else None, is_set, episode.tick_seconds
+    )
 
 
 def rounding_of(path: Path, episode: RecordedEpisode) -> float:

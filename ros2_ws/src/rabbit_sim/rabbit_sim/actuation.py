@@ -7,13 +7,16 @@ from rabbit_description.state import JOINTS, Array
 
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.perturbations import KINDS
-from rabbit_sim.plant import SUBSTEPS
 
 
 class Actuation:
-    """The four motors of a robot, or of N. `states`: what each kind of perturbation remembers, (N, remembered, 4)."""
+    """The four motors of a robot, or of N with ticks of one length.
+
+    `states`: what each kind of perturbation remembers, (N, remembered, 4).
+    """
 
     def __init__(self, *parameters: SimulationParameters) -> None:
+        self._substeps = parameters[0].substeps
         kinds = [kind for kind in KINDS if kind.has("drive")]
         self._stages = [kind.of_all(parameters) for kind in kinds if any(map(kind.is_in_force, parameters))]
         self.states = {type(stage): np.zeros((len(parameters), stage.remembered(), JOINTS)) for stage in self._stages}
@@ -33,8 +36,8 @@ class Actuation:
         return other
 
     def advance(self, command: Array) -> Array:
-        """Torques held over the substeps of one tick, N m: (SUBSTEPS, 4) for a command (4,), (N, SUBSTEPS, 4) for N."""
-        torques = command.reshape(-1, 1, JOINTS).repeat(SUBSTEPS, axis=1)
+        """Torques held over the substeps of one tick, N m: (substeps, 4) for a command (4,), (N, substeps, 4) for N."""
+        torques = command.reshape(-1, 1, JOINTS).repeat(self._substeps, axis=1)
         for stage in self._stages:
             torques = stage.drive(torques, self.states[type(stage)])
-        return torques.reshape(*command.shape[:-1], SUBSTEPS, JOINTS)
+        return torques.reshape(*command.shape[:-1], self._substeps, JOINTS)

@@ -20,9 +20,9 @@ from rabbit_sim.actuation import Actuation
 from rabbit_sim.kinematics import LegShape, foot
 from rabbit_sim.mujoco_plant import MujocoPlant
 from rabbit_sim.parameters import SimulationParameters
-from rabbit_sim.plant import CLEAR_HEIGHT, CONTACT_FORCE, SUBSTEPS
+from rabbit_sim.plant import CLEAR_HEIGHT, CONTACT_FORCE
 from rabbit_sim.robot_urdf import leg_shape
-from rabbit_sim.simulation import SLIP_DISTANCE, SLIP_FRICTION, STALL_TICKS, Simulation
+from rabbit_sim.simulation import SLIP_DISTANCE, SLIP_FRICTION, Simulation, stall_ticks
 
 JOINT_TORQUES, PUSHES = mujoco.mjtState.mjSTATE_QFRC_APPLIED, mujoco.mjtState.mjSTATE_XFRC_APPLIED
 PRESSING, IN_THE_PLANE = [2, 5], [0, 2, 3, 5]  # of the forces (x, y, z) of left and right foot on the stones
@@ -33,7 +33,7 @@ class BatchSimulation:
     """The robots of `simulations`, which are its own from now on.
 
     `states`: what the controllers get; `true_force` (N, 2, 2): the feet's, without noise, N. Raises ValueError for a
-    plant that is not MuJoCo's.
+    plant that is not MuJoCo's, or whose ticks are as long as another's are not.
     """
 
     def __init__(self, simulations: Sequence[Simulation]) -> None:
@@ -92,7 +92,7 @@ class BatchSimulation:
             states.q[n], states.dq[n] = path[:, -1, :DOF], path[:, -1, DOF:]
             states.contact[n] = sensed.min(axis=1)[:, PRESSING] < -CONTACT_FORCE
             forces = sensed.sum(axis=1)[:, IN_THE_PLANE].reshape(-1, 2, 2)
-            states.foot_force[n] = self.true_force[n] = forces / -SUBSTEPS + 0.0  # no -0.0, as alone
+            states.foot_force[n] = self.true_force[n] = forces / -self._substeps + 0.0  # no -0.0, as alone
             special = self._may_land(path) | self._is_doubtful()[n] | self._draws_noise[n]
             for row in special.nonzero()[0].tolist():
                 i = self._numbers[row]
@@ -105,7 +105,7 @@ class BatchSimulation:
         return states
 
     def _walked(self, before: Array, torques: Array) -> tuple[Array, Array]:
-        """q and dq (n, SUBSTEPS, 14) after each substep, and what the feet's sensors say, (n, SUBSTEPS, 6)."""
+        """q and dq (n, substeps, 14) after each substep, and what the feet's sensors say, (n, substeps, 6)."""
         self._control[:, :, BASE:DOF] = self._actuation.advance(torques)[self._together]
         for row in self._pushed:
             simulation = self._own(self._numbers[row])
@@ -117,7 +117,7 @@ class BatchSimulation:
             before,
             self._control,
             control_spec=self._applied,
-            nstep=SUBSTEPS,
+            nstep=self._substeps,
             state=self._after,
             sensordata=self._sensed,
             skip_checks=True,
@@ -144,7 +144,7 @@ class BatchSimulation:
         self._is_airborne = ~(states.contact[:, 0] | states.contact[:, 1])
         travel = np.abs(self._feet_x[self._rows, self._stance] - self._stance_x)
         is_sound: Array = (states.q[:, 1] - self._highest >= p[0]) & (np.abs(states.q[:, 2]) <= p[1]) & (travel <= p[2])
-        is_sound &= np.isfinite(states.dq.sum(axis=1)) & (states.tick - self._step_began < STALL_TICKS)
+        is_sound &= np.isfinite(states.dq.sum(axis=1)) & (states.tick - self._step_began < self._stall_ticks)
         return ~is_sound | was_airborne | self._is_airborne
 
     def _own(self, i: int) -> Simulation:
@@ -181,6 +181,9 @@ class BatchSimulation:
     def _arrange(self) -> None:
         """What follows from which robots there are."""
         plants, parameters = [plant_of(simulation) for simulation in self.simulations], self._parameters
+        if len({each.tick_seconds for each in parameters}) > 1:
+            raise ValueError("tick_seconds: expected the same of all robots of a batch")
+        self._substeps, self._stall_ticks = parameters[0].substeps, stall_ticks(parameters[0])
         self._rows = np.arange(len(plants))
         is_alone = np.array([plant.feeds_back or plant.model.nq != DOF for plant in plants])
         self._alone, numbers = is_alone.nonzero()[0].tolist(), (~is_alone).nonzero()[0]
@@ -200,7 +203,7 @@ class BatchSimulation:
             self._applied = int(JOINT_TORQUES | PUSHES if self._pushed else JOINT_TORQUES)
             self._push_at = model.nv + 6 * model.body("torso").id
             self._data = [mujoco.MjData(model)]
-            shape = len(self._models), SUBSTEPS
+            shape = len(self._models), self._substeps
             self._control = np.zeros((*shape, mujoco.mj_stateSize(model, self._applied)))
             self._after = np.empty((*shape, 1 + 2 * DOF))
             self._sensed = np.empty((*shape, model.nsensordata))

@@ -1,4 +1,4 @@
-"""What a plant in a physics engine does whatever the engine: ten substeps a tick, each under its own torque.
+"""What a plant in a physics engine does whatever the engine: a tick's substeps, each under its own torque.
 
 An engine says how it takes a substep, where the joints are, and with what force each foot stands.
 """
@@ -15,7 +15,7 @@ from rabbit_sim.actuation import Actuation
 from rabbit_sim.kinematics import RabbitFeet
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.perturbation import Memory
-from rabbit_sim.plant import CONTACT_FORCE, SUBSTEP_SECONDS, SUBSTEPS, Plant, PlantReading, Span
+from rabbit_sim.plant import CONTACT_FORCE, SUBSTEP_SECONDS, Plant, PlantReading, Span
 from rabbit_sim.robot_urdf import leg_shape, perturbed_urdf, with_attached
 from rabbit_sim.terrain import Ground
 from rabbit_sim.touchdown_detector import Feet, TouchdownDetector
@@ -34,6 +34,7 @@ class EnginePlant(Plant, ABC):
 
     def __init__(self, parameters: SimulationParameters) -> None:
         self._parameters, self._perturbations = parameters, parameters.in_force()
+        self._substeps = parameters.substeps
         legs = perturbed_urdf(parameters)
         self._robot_urdf = with_attached(legs, parameters)
         self._actuation = Actuation(parameters)
@@ -73,13 +74,13 @@ class EnginePlant(Plant, ABC):
 
     def next_pushes(self) -> list[float]:
         """On the torso in the next tick's substeps, N."""
-        pushes, self._push = self._push[:SUBSTEPS].tolist(), self._push[SUBSTEPS:]
-        return pushes + [0.0] * (SUBSTEPS - len(pushes))
+        pushes, self._push = self._push[: self._substeps].tolist(), self._push[self._substeps :]
+        return pushes + [0.0] * (self._substeps - len(pushes))
 
     def follow(self, states: Array, forces: Array) -> None:
         """Take in a tick that an engine has walked elsewhere from this plant's state, as if it had been walked here.
 
-        `states` (1 + SUBSTEPS, 14): q and dq as the tick began and after each substep; `forces` (SUBSTEPS, 2, 2), N.
+        `states` (1 + substeps, 14): q and dq as the tick began and after each substep; `forces` (substeps, 2, 2), N.
         """
         first, *path = states.tolist()
         self._states = first[:DOF], first[DOF:]
@@ -111,7 +112,7 @@ class EnginePlant(Plant, ABC):
             if self._keeps_path:
                 q, dq = self._now()
                 self._path.append([*q, *dq])
-        self._force = np.array([[left_x, left_z], [right_x, right_z]]) / SUBSTEPS
+        self._force = np.array([[left_x, left_z], [right_x, right_z]]) / self._substeps
         self._contact = np.array([left, right])
         self._feet = self._locate_feet()
 
@@ -121,8 +122,8 @@ class EnginePlant(Plant, ABC):
 
     def push_for_tick(self, forces: Array) -> None:
         """See `Plant`."""
-        self._push = np.append(self._push, np.zeros(max(SUBSTEPS - len(self._push), 0)))
-        self._push[:SUBSTEPS] += forces
+        self._push = np.append(self._push, np.zeros(max(self._substeps - len(self._push), 0)))
+        self._push[: self._substeps] += forces
 
     def observe(self) -> PlantReading:
         """The truth after the last tick."""

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 from pydantic import BaseModel, Field, model_validator
 from rabbit_description import DEFAULT_GAIT
 from rabbit_description.plugins import names
+from rabbit_description.state import TICK_SECONDS
+from rabbit_description.tick import ABOUT_TICK, TickSeconds
 
 from rabbit_sim.perturbation import (
     CONFIG,
@@ -37,6 +39,7 @@ class Episode(BaseModel):
 
     plant: PlantName = Field("pybullet", description="physics engine, or rigid: the paper's hybrid model")
 
+    tick_seconds: TickSeconds = Field(TICK_SECONDS, description=ABOUT_TICK)
     terrain: Literal["flat", "stones"] = Field("stones", description="flat ground or stones with gaps")
     stones: int = Field(20, ge=1, le=4000, description="stones of an episode; on flat ground, steps")
     l_min_mean: Number = Field(0.35, ge=1e-6, le=0.8, description="mean of the near edge, m from the stance foot")
@@ -108,6 +111,11 @@ class SimulationParameters(Perturbed, Episode):
         def __init__(self, **values: Any) -> None: ...
 
     @property
+    def substeps(self) -> int:
+        """Of a tick."""
+        return round(self.tick_seconds / SUBSTEP_SECONDS)
+
+    @property
     def needs_path(self) -> bool:
         """Whether a measurement is faster than a tick."""
         return any(each.needs_path for each in self.in_force())
@@ -144,7 +152,7 @@ class NodeParameters(BaseModel):
     start_paused: bool = Field(False, description="wait for the pause service to let the first episode begin")
     readers: int = Field(1, ge=1, le=100, description="nodes that must hear the state before an episode begins")
     pace: float = Field(0.0, ge=0, le=100, description="times real time at most; 0: no limit in lock-step; dynamic")
-    real_time: bool = Field(False, description="a tick lasts 10 ms (over pace) by the wall clock, answered or not")
+    real_time: bool = Field(False, description="a tick takes its time (over pace) by the wall clock, answered or not")
     held_ticks: int = Field(2, ge=0, le=1000, description="real time: how long the last torque stands in for late ones")
     damped_ticks: int = Field(10, ge=0, le=1000, description="real time: of joint damping after these, then it ends")
     damping: float = Field(10.0, ge=0, le=30, description="real time: of each joint in these ticks, N m s/rad")

@@ -108,7 +108,7 @@ class Perturbation(BaseModel):
         return 0
 
     def drive(self, torques: Array, state: Array) -> Array:
-        """What the motors of N robots (`of_all`) make of the torques over one tick's substeps, both (N, SUBSTEPS, 4).
+        """What the motors of N robots (`of_all`) make of the torques over one tick's substeps, both (N, substeps, 4).
 
         N m. It may change its arguments: `state` (N, remembered, 4) goes on to the next tick.
         """
@@ -128,7 +128,8 @@ class Perturbation(BaseModel):
     def force(self, memory: Memory, tick: int) -> Array:
         """In the substeps of a tick, counted from the reset, along the ground on the torso's centre of mass.
 
-        (SUBSTEPS,), N; asked for once a tick. The memory has an `rng` of this perturbation and episode.
+        (substeps,), N; asked for once a tick. The memory has an `rng` of this perturbation and episode, and all
+        `parameters`.
         """
         raise NotImplementedError
 

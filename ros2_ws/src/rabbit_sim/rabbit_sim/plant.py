@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from rabbit_description.state import TICK_SECONDS, Array, Leg
+from rabbit_description.tick import SUBSTEP_SECONDS as SUBSTEP_SECONDS
 
-SUBSTEP_SECONDS = 0.001
-SUBSTEPS = round(TICK_SECONDS / SUBSTEP_SECONDS)
+SUBSTEPS = round(TICK_SECONDS / SUBSTEP_SECONDS)  # of the usual tick
 CONTACT_FORCE = 1.0  # N, a foot that carries more is in contact
 CLEAR_HEIGHT = 0.005  # m, a foot that has been higher since its last contact is clear, and can come down
 
@@ -55,7 +55,7 @@ class PlantReading:
 
     `q`, `dq` (7,): m, rad and their rates. `foot_force` (2, 2): rows left, right; columns tangential, normal; N,
     averaged over the tick. `foot_position` (2, 2): columns x, z; m. `contact` (2,): at the tick's end. `touches`: the
-    feet that came down during the tick, in order. `path` (10, 14): q and dq at the end of each substep, for sensors
+    feet that came down during the tick, in order. `path` (substeps, 14): q and dq at each substep's end, for sensors
     that are faster than a tick; None if nobody asked for it or no tick was walked.
     """
 
@@ -69,7 +69,7 @@ class PlantReading:
 
 
 class Plant:
-    """The true robot and its ground; one tick lasts `TICK_SECONDS`."""
+    """The true robot and its ground; one tick lasts `tick_seconds` of its parameters."""
 
     def reset(self, q: Array, dq: Array, stance: Leg) -> None:
         """Put the robot into a state, its motors at rest, and take away every stone."""
@@ -91,7 +91,7 @@ class Plant:
         raise ValueError(NOT_PUSHED)
 
     def push_for_tick(self, forces: Array) -> None:
-        """Likewise in each substep of the next tick, (SUBSTEPS,) N, beside a push under way; raises as `push`."""
+        """Likewise in each substep of the next tick, (substeps,) N, beside a push under way; raises as `push`."""
         raise ValueError(NOT_PUSHED)
 
     def observe(self) -> PlantReading:

@@ -10,7 +10,7 @@ from functools import lru_cache
 
 import numpy as np
 from rabbit_description.planar_urdf import SLIDES
-from rabbit_description.state import TICK_SECONDS, Array, Leg
+from rabbit_description.state import Array, Leg
 from scipy.optimize import brentq
 
 from rabbit_sim.actuation import Actuation
@@ -28,6 +28,7 @@ class RigidPlant(Plant):
 
     def __init__(self, parameters: SimulationParameters) -> None:
         self._actuation, self._keeps_path = Actuation(parameters), parameters.needs_path
+        self._tick_seconds = parameters.tick_seconds
         urdf = perturbed_urdf(parameters)
         beside = [each.joint_torque(urdf) for each in parameters.in_force() if each.has("joint_torque")]
         self._dynamics = PinnedDynamics(urdf, RabbitFeet(leg_shape(parameters)), beside, parameters.slope)
@@ -58,7 +59,7 @@ class RigidPlant(Plant):
         contact = np.array([self._stance is Leg.LEFT, self._stance is Leg.RIGHT])
         feet = self._dynamics.feet.positions(self._q)
         path = np.array(self._path) if self._path else None
-        force = self._impulse / TICK_SECONDS
+        force = self._impulse / self._tick_seconds
         return PlantReading(self._q, self._dq, force, feet, contact, tuple(self._touches), path)
 
     def _substep(self, torque: Array, duration: float) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from rabbit_description.gait import Gaits
 from rabbit_description.plugins import load
-from rabbit_description.state import JOINTS, TICK_SECONDS, Array, Leg, RobotState, no_torque
+from rabbit_description.state import JOINTS, Array, Leg, RobotState, no_torque
 
 from rabbit_sim.initial_state import initial_state
 from rabbit_sim.parameters import PLANTS, SimulationParameters
@@ -20,10 +20,10 @@ from rabbit_sim.robot_urdf import true_mass
 from rabbit_sim.stones import CourseError, draw_course, read_course
 from rabbit_sim.terrain import Ground, Terrain
 
-FLIGHT_TICKS = 5  # without a foot on the ground; on ground that throws the robot back, longer
+FLIGHT_SECONDS = 0.05  # without a foot on the ground; on ground that throws the robot back, longer
 SLIP_FRICTION = 0.8  # ground no better than this counts slips
 SLIP_DISTANCE = 0.005  # m
-STALL_TICKS = 500  # since the last touchdown; a step of any gait takes a tenth of that
+STALL_SECONDS = 5.0  # since the last touchdown; a step of any gait takes a tenth of that
 
 
 class Outcome(Enum):
@@ -234,7 +234,7 @@ class Simulation:
         travel = abs(reading.foot_position[self._stance, 0] - self._stance_x)  # since the stance foot came down
         if self.parameters.ground_friction <= SLIP_FRICTION and travel > SLIP_DISTANCE:
             return Outcome.SLIP
-        if self._tick - self._step_began >= STALL_TICKS:
+        if self._tick - self._step_began >= stall_ticks(self.parameters):
             return Outcome.STALL
         return Outcome.RUNNING
 
@@ -274,11 +274,17 @@ class Simulation:
 
 
 def flight_ticks(parameters: SimulationParameters, dropped: float = 0.0) -> int:
-    """Without a foot on the ground, so many are a flight: five, or half a period of the robot on its ground.
+    """Without a foot on the ground, so many are a flight: 50 ms, or half a period of the robot on its ground.
 
     Ground of stiffness k that has carried nearly three times the weight of the mass m throws it back for 0.55 of a
     period 2 pi sqrt(m / k); it comes down again. On a stone that has `dropped`, m, longer by the fall onto it.
     """
     half_period = pi * sqrt(true_mass(parameters) / parameters.ground_stiffness)
     fall = sqrt(2 * dropped / GRAVITY)
-    return max(FLIGHT_TICKS, ceil(half_period / TICK_SECONDS)) + ceil(fall / TICK_SECONDS)
+    tick = parameters.tick_seconds
+    return max(round(FLIGHT_SECONDS / tick), ceil(half_period / tick)) + ceil(fall / tick)
+
+
+def stall_ticks(parameters: SimulationParameters) -> int:
+    """Without a touchdown, so many are a stall."""
+    return round(STALL_SECONDS / parameters.tick_seconds)

@@ -20,7 +20,7 @@ from rabbit_sim.plant import FOOT_RADIUS, GRAVITY, Span
 from rabbit_sim.pybullet_plant import PybulletPlant
 from rabbit_sim.rigid_plant import RigidPlant
 from rabbit_sim.robot_urdf import leg_shape
-from rabbit_sim.simulation import FLIGHT_TICKS, flight_ticks
+from rabbit_sim.simulation import FLIGHT_SECONDS, flight_ticks
 
 PERTURBED = {"mass_scale": 1.7, "payload": 11.0, "payload_height": 0.4, "link_bend": 0.06, "joint_damping": 2.5}
 LOADED = {"payload": 8.0, "payload_ahead": 0.1, "left_leg_scale": 1.3, "swing_payload": 9.0, "slope": 3.0}
@@ -262,7 +262,7 @@ def test_a_hop_that_soft_ground_throws_comes_down_before_it_is_a_flight(engine):
     landed = contact.index(True)
     left = contact.index(False, landed)
     hop = contact.index(True, left) - left
-    assert FLIGHT_TICKS < hop <= np.sqrt(12) / rate / TICK_SECONDS < flight_ticks(parameters)
+    assert FLIGHT_SECONDS / TICK_SECONDS < hop <= np.sqrt(12) / rate / TICK_SECONDS < flight_ticks(parameters)
 
 
 @pytest.mark.parametrize("slope", [-5.0, 2.0])

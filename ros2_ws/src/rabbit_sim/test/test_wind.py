@@ -16,7 +16,7 @@ GAIT = load_gait("authors_035")
 
 def forces(seed, ticks, **changes):
     """In each tick, N, each held over its substeps."""
-    wind, memory = Wind(**changes), Memory(rng=np.random.default_rng(seed))
+    wind, memory = Wind(**changes), Memory(rng=np.random.default_rng(seed), parameters=SimulationParameters())
     wind.begin(memory)
     found = np.array([wind.force(memory, tick) for tick in range(ticks)])
     assert found.shape == (ticks, SUBSTEPS)

@@ -11,7 +11,8 @@ from dataclasses import replace
 import numpy as np
 from pydantic import ValidationError
 from rabbit_description.plugins import load
-from rabbit_description.state import JOINTS, Leg
+from rabbit_description.state import JOINTS, TICK_SECONDS, Leg
+from rabbit_description.tick import ticks_in
 from rabbit_experiments.walk_records import ARRAYS, PLANT, WalkRecords
 from rabbit_sim.parameters import PLANTS, SimulationParameters
 from rabbit_sim.plant import Plant, PlantReading, Span
@@ -19,7 +20,7 @@ from rabbit_sim.terrain import GROUND, KEPT_STONES
 
 from rabbit_viewer.geometry import feet, links_of, stone_spans, torso_points
 
-LIMP_TICKS = 150  # at most
+LIMP_SECONDS = 1.5  # at most
 LYING = 0.2  # m, of hip or head above the ground
 ON_ITS_FEET = ("", "walked", "reset", "diverged")  # outcomes of which no fall is computed
 READ = ("q", "dq", "foot_force", "contact")
@@ -27,9 +28,9 @@ UNKNOWN = ("V", "clf_slack", "rescue_slack", "barriers", "margins")  # of a tick
 COMPUTED_FROM = "computed_from"  # in `about`: the row
 
 
-def fall_limp(plant: Plant, top: float) -> Iterator[PlantReading]:
+def fall_limp(plant: Plant, top: float, tick_seconds: float = TICK_SECONDS) -> Iterator[PlantReading]:
     """Each tick without torque, until hip or head lies on the ground, whose height is `top`, m."""
-    for _ in range(LIMP_TICKS):
+    for _ in range(ticks_in(LIMP_SECONDS, tick_seconds)):
         plant.advance(np.zeros(JOINTS))
         reading = plant.observe()
         yield reading
@@ -51,7 +52,7 @@ def with_fall(walk: WalkRecords) -> WalkRecords:
         plant.reset(walk.q[-1], walk.dq[-1], Leg(walk.stance[-1]))
         plant.set_stones(stones)
         plant.advance(walk.torque[-1])
-        readings = [plant.observe(), *fall_limp(plant, stones[-1].top)]
+        readings = [plant.observe(), *fall_limp(plant, stones[-1].top, parameters.tick_seconds)]
     count = len(readings)
     longer = {name: np.repeat(getattr(walk, name)[-1:], count, axis=0) for name in ARRAYS if name != "landings"}
     longer |= {name: np.array([getattr(reading, name) for reading in readings]) for name in READ}

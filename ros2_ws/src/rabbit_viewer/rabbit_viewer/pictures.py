@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from rabbit_description.force_ratio import force_ratio
-from rabbit_description.state import TICK_SECONDS, Array
+from rabbit_description.state import Array
 from rabbit_experiments.walk_records import RESCUE_NEEDED, WalkRecords
 
 from rabbit_viewer import style
@@ -93,7 +93,7 @@ def draw_forces(walk: WalkRecords, path: Path) -> Path:
     tangential, normal = walk.stance_force.T
     ratio = force_ratio(walk.stance_force)
     figure, (cone, force) = style.figure(2)
-    for i, start in enumerate(walk.time[walk.step_starts[1:]] - TICK_SECONDS):
+    for i, start in enumerate(walk.time[walk.step_starts[1:]] - walk.tick_seconds):
         for axes in (cone, force):
             label = None if i else "30 ms after impact"
             axes.axvspan(start, start + IMPACT, color=style.AREA, linewidth=0, label=label)
@@ -168,7 +168,7 @@ def plot_stones(walk: WalkRecords, axes: Axes) -> None:
 def _draw_landings(walk: WalkRecords, axes: Axes) -> None:
     """Each landing's place on its stone, past the near edge; one that is far off is drawn at the panel's end."""
     _, tick, length, near, far, on_stone = walk.landings.T
-    time, missed = tick * TICK_SECONDS, (length < near) | (length > far) | (on_stone == 0)
+    time, missed = tick * walk.tick_seconds, (length < near) | (length > far) | (on_stone == 0)
     width = (far - near) * MILLIMETRES
     place = np.clip((length - near) * MILLIMETRES, -FAR_OFF, width + FAR_OFF)
     axes.bar(time, width, width=0.01 * _end(walk), color=style.AREA, label="stone")
@@ -182,8 +182,8 @@ def _draw_landings(walk: WalkRecords, axes: Axes) -> None:
 
 def _end(walk: WalkRecords) -> float:
     """Seconds to be shown."""
-    landed: float = walk.landings[:, 1].max(initial=0) * TICK_SECONDS
-    return max(float(walk.time[-1]), landed, TICK_SECONDS)
+    landed: float = walk.landings[:, 1].max(initial=0) * walk.tick_seconds
+    return max(float(walk.time[-1]), landed, walk.tick_seconds)
 
 
 def _finish(walk: WalkRecords, figure: Figure, path: Path) -> Path:

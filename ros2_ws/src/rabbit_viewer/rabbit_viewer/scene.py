@@ -17,7 +17,6 @@ from matplotlib.patches import Patch
 from matplotlib.transforms import Affine2D
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
-from rabbit_description.state import TICK_SECONDS
 from rabbit_experiments.walk_records import WalkRecords
 
 from rabbit_viewer import style
@@ -130,8 +129,7 @@ class Scene:
         ratio = f"{abs(tangential) / normal:4.2f}" if normal > 1 else "   -"
         total, slack = walk.about.get("stones"), walk.clf_slack[row]
         lines = [
-            f"t {walk.tick[row] * TICK_SECONDS:6.2f} s   step {walk.step_index[row] + 1}"
-            + (f" of {total}" if total else ""),
+            f"t {walk.time[row]:6.2f} s   step {walk.step_index[row] + 1}" + (f" of {total}" if total else ""),
             f"|F_T|/F_N {ratio}" + (f"   d {slack:6.2f}" if np.isfinite(slack) else ""),
         ]
         B = zip(walk.barrier_names, walk.barriers[row].tolist(), strict=True)

@@ -9,7 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
-from rabbit_description.state import TICK_SECONDS
+from rabbit_description.tick import ticks_in
 from rabbit_experiments.walk_records import WalkRecords
 
 from rabbit_viewer.scene import SIZE, Scene
@@ -17,7 +17,7 @@ from rabbit_viewer.scene import SIZE, Scene
 FRAME_RATE = 25  # 1/s
 LAST_FRAME = 0.8  # s, for which the last frame stays
 GIF_RATE, GIF_WIDTH = 12.5, 560  # of a walk
-SLOW, AROUND = 0.25, 20  # times real time; ticks before and after a fall that are slow too
+SLOW, AROUND = 0.25, 0.2  # times real time; s before and after a fall that are slow too
 PICTURES = ("-f", "rawvideo", "-pix_fmt", "rgba", "-r", str(FRAME_RATE), "-s")  # and the size
 MP4 = ("-map", "0:v", "-c:v", "libx264", "-preset", "veryfast", "-crf", "25", "-pix_fmt", "yuv420p")
 SMALL = f"[0:v]fps={GIF_RATE},scale={{width}}:-1:flags=area,split[a][b]"
@@ -64,13 +64,14 @@ def _frames(walks: Sequence[WalkRecords], speed: float) -> Iterator[memoryview]:
     scenes = [Scene(walk, has_legend=not i) for i, walk in enumerate(walks)]
     lasts = [len(walk.tick) - 1 for walk in walks]
     falls = [(first, last) for scene, last in zip(scenes, lasts, strict=True) if (first := scene.fall) is not None]
-    row, pace = 0.0, speed / (FRAME_RATE * TICK_SECONDS)
+    around = ticks_in(AROUND, walks[0].tick_seconds)
+    row, pace = 0.0, speed / (FRAME_RATE * walks[0].tick_seconds)
 
     def frame() -> memoryview:
         return np.hstack([scene.frame(min(int(row), last)) for scene, last in zip(scenes, lasts, strict=True)]).data
 
     while row < max(lasts):
         yield frame()
-        row += pace * (SLOW if any(first - AROUND <= row <= last + AROUND for first, last in falls) else 1)
+        row += pace * (SLOW if any(first - around <= row <= last + around for first, last in falls) else 1)
     row = max(lasts)
     yield from [frame()] * round(LAST_FRAME * FRAME_RATE)

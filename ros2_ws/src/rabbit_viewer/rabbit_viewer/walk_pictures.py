@@ -69,6 +69,7 @@ def records_of_bag(bag: Path, number: int | None = None) -> WalkRecords:
     changed = ", ".join(f"parameters changed at tick {tick}" for tick, each in drawn if each != drawn[0][1])
     about = {"controller": chosen.controller, "policy": policies, "outcome": chosen.outcome, "seed": chosen.seed}
     about |= {**_plant_of_the_run(bag), **(drawn[0][1] if drawn else {})}
+    about["tick_seconds"] = chosen.tick_seconds
     about["title"] = f"{walk_title(about)} (episode {chosen.number}{changed and ', ' + changed})"
     return WalkRecords.from_ticks(chosen.records, chosen.landings, about)
 

@@ -14,13 +14,18 @@ def fitted(file: PolicyFile, parameters: ControllerParameters, gaits: Gaits) -> 
     """The policy of a file for a controller with these parameters and this gait or library.
 
     Raises:
-        PolicyFileError: it was trained for another problem, beside another adaptation, or reads the length of a gait
-            library's steps on stones and there is one gait.
+        PolicyFileError: it was trained for another problem, beside another adaptation, with another tick, or reads the
+            length of a gait library's steps on stones and there is one gait.
     """
     about, own = file.metadata, file.metadata.adaptation or "none"
     if own != parameters.adaptation:
         raise PolicyFileError(
             f"policy: it was trained with adaptation {own}; this controller has {parameters.adaptation}"
+        )
+    if about.trained_tick != parameters.tick_seconds:
+        raise PolicyFileError(
+            f"policy: it was trained with tick_seconds = {about.trained_tick:g}; this controller has"
+            f" {parameters.tick_seconds:g}"
         )
     if about.residual:
         if parameters.objective != "pd_centred" or not about.fits(parameters.problem):

@@ -1,20 +1,24 @@
-"""The true robot's parameters, identified from its walk, a tick at a time.
+"""The true robot's parameters, identified from its walk, a window at a time.
 
-The problem. Over a tick with the stance foot on the ground, in all coordinates q (7,), with a torque command u held
-for the tick and `before` the one held for the tick before,
+The problem. Over a window with the stance foot on the ground, in all coordinates q (7,), with the mean torque command u
+in the window and `before` that in the window before,
 
     Y(q, q', q'') theta + d D - kappa S u - lag S (before - u) = J' F
 
 theta (12,) are the links' inertial parameters: m, m c_x, m c_z, I_yy of torso, thighs, shins, in the frames of their
 joints, d the joints' damping with D_j = M_jj q_j' at
-the joints, kappa the share of the torque that arrives, lag that of a change of torque that arrives a tick late, and F
+the joints, kappa the share of the torque that arrives, lag that of a change of torque that arrives a window late, and F
 the measured force on both feet. All is linear in x = (theta, d, kappa, lag), which is found by least squares
-(`least_squares.py`). q and q' are the mean of the tick's ends, q'' their difference, F the mean over the tick.
+(`least_squares.py`). q and q' are the mean of the window's ends, q'' their difference, F the mean over it.
+
+A window is a tick of 10 ms, or as many shorter ones: so all that is said below of noise and of doubts holds at every
+rate. (Noise of rates is as large in q'' as the time between them is short, so at 1 kHz q'' over a tick has ten times
+the noise, and the regressors have it too, where no average mends it.)
 
 A difference of noisy rates is noisier still, and as it is part of the regressors too, it would pull the answer
 towards none. So both sides go through the same low-pass (FILTER_TIME) first, which leaves the equation true. Of M q''
 the noise is M times that of q''. R has it with many times the rates' variance, because the regressors are noisy too,
-and no average mends that. The other entries of R are for what the means over a tick leave out.
+and no average mends that. The other entries of R are for what the means over a window leave out.
 
 What such a robot does not explain is seen in the innovations. Their normalised square is below 0.1 in the mean for any
 masses, and about 1 for motors that saturate unseen or joints whose friction remembers. A doubt (0 to 1) follows it,
@@ -35,6 +39,7 @@ import casadi as ca
 import numpy as np
 from rabbit_description.planar_urdf import BASE, SLIDES
 from rabbit_description.state import DOF, TICK_SECONDS, Array
+from rabbit_description.tick import ticks_in
 
 from rl_cbf_clf_controller.least_squares import updated, within
 from rl_cbf_clf_controller.planar_robot import INERTIAL, PinnedRobot, robot_parameters
@@ -51,6 +56,7 @@ SIZE = len(IDENTIFIED)
 THETA = slice(len(LINKS) * len(INERTIAL))
 DAMPING, MOTOR_GAIN, LATE_TORQUE = range(THETA.stop, SIZE)
 
+WINDOW = TICK_SECONDS  # s, of ticks that long or shorter
 FILTER_TIME = 0.03  # s
 FORCE_NOISE = 30.0  # N, rows of the base's slides
 MOMENT_NOISE = 5.0  # N m, rows of pitch and joints
@@ -61,14 +67,12 @@ LINK_SPREAD = 0.1  # of each parameter of a link, relative
 DAMPING_SPREAD = 1.0  # 1/s
 GAIN_SPREAD = 0.1
 LATE_SPREAD = 0.3
-WALK = 1e-6  # of the first covariance, gained each tick
+WALK = 1e-6  # of the first covariance, gained each window
 
 NOISE = np.diag([FORCE_NOISE**2] * SLIDES + [MOMENT_NOISE**2] * (DOF - SLIDES))
 USUAL_LATE, LATE_RANGE = 0.42, 0.1  # a motor lag of 4 ms has 0.37; 8 kN m/s at twice the mass 0.5 to 0.8
-SHARE = float(1 - np.exp(-TICK_SECONDS / FILTER_TIME))
-PER_RATE_VARIANCE = 2 * (SHARE / TICK_SECONDS) ** 2 / (2 - SHARE)  # of a low-passed difference of white noise
 EXPLAINED, UNEXPLAINED = 0.5, 2.0  # normalised squares of an innovation; the doubt goes towards 0 and 1 there
-DOUBT_RISES, DOUBT_FALLS = 0.05, 0.005  # of the way, each tick
+DOUBT_RISES, DOUBT_FALLS = 0.05, 0.005  # of the way, each window
 TO_BASE, TO_NOMINAL = (0.15, 0.3), (0.3, 0.6)  # the doubts from which on another robot counts, and it alone
 BASE_DOUBT = 0.05  # of the base's rows, from which on they are not used
 
@@ -86,18 +90,27 @@ def unknown(robot: RobotNumbers) -> dict[str, Array]:
     return known | {"regressor": np.zeros((DOF, SIZE)), "measured": np.zeros(DOF), "share": np.ones(1)}
 
 
-def learned(robot: RobotNumbers, known: Mapping[str, ca.SX], tick: Mapping[str, ca.SX]) -> dict[str, ca.SX]:
-    """What is `known` after a tick, by the names of `unknown`, as expressions.
+def window(tick_seconds: float) -> float:
+    """Length of a window, s: so many whole ticks as come nearest to `WINDOW`."""
+    return ticks_in(WINDOW, tick_seconds) * tick_seconds
 
-    `tick`: its `start` and `end` (14,), torque `before` and `now` (4,), `force` (2, 2) on the feet, all in stance/swing
-    order, rows of the force stance, swing, columns tangential, normal, N; `rate_variance` of the errors of dq,
-    (m/s)^2 and (rad/s)^2; `joints` and `feet` of the robot. What the least squares say is taken over as long as it is
-    a robot that can be.
+
+def learned(
+    robot: RobotNumbers, known: Mapping[str, ca.SX], tick: Mapping[str, ca.SX], seconds: float = WINDOW
+) -> dict[str, ca.SX]:
+    """What is `known` after a window of so many `seconds`, by the names of `unknown`, as expressions.
+
+    `tick`, of the window: its `start` and `end` (14,), torque `before` and `now` (4,), `force` (2, 2) on the feet, all
+    in stance/swing order, rows of the force stance, swing, columns tangential, normal, N; `rate_variance` of the errors
+    of dq, (m/s)^2 and (rad/s)^2; `joints` and `feet` of the robot. What the least squares say is taken over as long
+    as it is a robot that can be.
     """
-    regressor, measured, mass = equation({**tick, "theta": known["value"][THETA]})
+    regressor, measured, mass = equation({**tick, "theta": known["value"][THETA]}, seconds)
+    share = float(1 - np.exp(-seconds / FILTER_TIME))
+    per_rate_variance = 2 * (share / seconds) ** 2 / (2 - share)  # of a low-passed difference of white noise
     regressor = known["regressor"] + known["share"] * (regressor - known["regressor"])
     measured = known["measured"] + known["share"] * (measured - known["measured"])
-    noise = ca.DM(NOISE) + PER_RATE_VARIANCE * tick["rate_variance"] * mass @ mass
+    noise = ca.DM(NOISE) + per_rate_variance * tick["rate_variance"] * mass @ mass
     walk = WALK * prior_covariance(robot.theta)
     fit, covariance, square = updated(known["fit"], known["covariance"], walk, regressor, measured, noise)
     of_base = regressor[:BASE, THETA], measured[:BASE], noise[:BASE, :BASE]
@@ -109,12 +122,12 @@ def learned(robot: RobotNumbers, known: Mapping[str, ca.SX], tick: Mapping[str, 
         **{"value": ca.if_else(is_robot, fit, known["value"]), "fit": fit, "covariance": covariance},
         **{"base": ca.if_else(is_physical(base_fit), base_fit, known["base"]), "base_fit": base_fit},
         **{"base_covariance": base_covariance, "doubts": ca.vertcat(*doubts)},
-        **{"regressor": regressor, "measured": measured, "share": ca.SX(SHARE)},
+        **{"regressor": regressor, "measured": measured, "share": ca.SX(share)},
     }
 
 
-def equation(s: dict[str, ca.SX]) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Regressor (7, 15), measured side (7,) and mass matrix (7, 7) of one tick, as expressions of its symbols."""
+def equation(s: dict[str, ca.SX], seconds: float) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Regressor (7, 15), measured side (7,) and mass matrix (7, 7) of one window, as expressions of its symbols."""
     torso, thigh, shin = (link.T for link in ca.vertsplit(s["theta"], len(INERTIAL)))
     lengths = {"joints": s["joints"], "feet": s["feet"], "links": ca.vertcat(torso, thigh, shin, thigh, shin)}
     robot = PinnedRobot(parameters={**robot_parameters(), **lengths, "gravity": ca.SX(GRAVITY)})
@@ -125,7 +138,7 @@ def equation(s: dict[str, ca.SX]) -> tuple[ca.SX, ca.SX, ca.SX]:
         [
             (s["start"][:DOF] + s["end"][:DOF]) / 2,
             (s["start"][DOF:] + s["end"][DOF:]) / 2,
-            (s["end"][DOF:] - s["start"][DOF:]) / TICK_SECONDS,
+            (s["end"][DOF:] - s["start"][DOF:]) / seconds,
         ],
     )
     terms = [ca.jacobian(tau, s["theta"]), ca.jacobian(tau, ddq), ca.jacobian(points, robot.q)]

@@ -6,15 +6,16 @@ the difference of the quantities by this and by the nominal model, as the oracle
 (`cbf_clf_qp.estimates`). The policy's are added to them. The angles are corrected before anything is computed from
 them. Where the state is predicted (`state_prediction.py`), the identification still learns from the measured one.
 
-The identification uses a tick only if the stance foot was the only one on the ground, and had been for SETTLING ticks.
-So it leaves out the tick of a touchdown, flight, a swing foot on the ground, a missing tick, an unknown torque. (A foot
-that bounces lands twice.) It forgets nothing when the legs swap: the robot is the same from either leg. An episode
-begins with nothing known, and with some ticks in which only the noise of the rates is found.
+The identification goes by windows of 10 ms, of one tick or of several (`identification.py`). It uses a window only if
+the stance foot was the only one on the ground, and had been for SETTLING windows. So it leaves out that of a touchdown,
+flight, a swing foot on the ground, a missing tick, an unknown torque. (A foot that bounces lands twice.) It forgets
+nothing when the legs swap: the robot is the same from either leg. An episode begins with nothing known, and with some
+windows in which only the noise of the rates is found.
 
-That noise is found from the torso's pitch. The mean of the rates at a tick's ends, each with an error of variance
-sigma^2, less the pitch's change over the tick, has the variance sigma^2 / 2: its size is sigma / sqrt(pi) in the mean.
-Hardly anything of the motion itself is left in it, for the angle says what the rate was. A second difference of rates
-would not do: torques that chatter look like noise in it. An error above PUSHED is a push.
+That noise is found from the torso's pitch. The mean of the rates at a window's ends, each with an error of variance
+sigma^2, less the pitch's change over the window, has the variance sigma^2 / 2: its size is sigma / sqrt(pi) in the
+mean. Hardly anything of the motion itself is left in it, for the angle says what the rate was. A second difference of
+rates would not do: torques that chatter look like noise in it. An error above PUSHED is a push.
 
 No masses explain a motor that saturates unseen. As far as the innovations say so, the robot found gives way to the one
 that the base's rows say or to the nominal one (`identification.py`).
@@ -26,6 +27,7 @@ from cbf_clf_qp.functions import NumpyFunction, packed
 from cbf_clf_qp.qp import is_finite
 from rabbit_description.planar_urdf import SLIDES
 from rabbit_description.state import DOF, JOINTS, TICK_SECONDS, Array, no_torque
+from rabbit_description.tick import ticks_in
 
 from rl_cbf_clf_controller.identification import (
     DAMPING,
@@ -34,17 +36,19 @@ from rl_cbf_clf_controller.identification import (
     MOTOR_GAIN,
     RATE_NOISE,
     THETA,
+    WINDOW,
     in_use,
     lateness,
     learned,
     unknown,
+    window,
 )
 from rl_cbf_clf_controller.joint_calibration import UNKNOWN, calibrated
 from rl_cbf_clf_controller.planar_robot import INERTIAL, robot_parameters
 from rl_cbf_clf_controller.robot_numbers import RobotNumbers
 
 KNOWN = (*IDENTIFIED, "hip_offset", "knee_offset", "doubt")  # offsets in rad
-SETTLING = 2  # ticks on the ground before what is measured counts
+SETTLING = 2  # windows on the ground before what is measured counts
 PITCH = SLIDES  # its place in the state; its rate is DOF further
 CONTACT_FORCE = 1.0  # N; a foot that carries less is in the air
 PUSHED = 0.3  # rad/s, at which an error is cut: a push
@@ -56,20 +60,22 @@ def first_known(nominal: RobotNumbers) -> dict[str, Array]:
     """What is known of a robot as an episode begins: of `identification.unknown`, of `joint_calibration.UNKNOWN`, more.
 
     `used` (15,) and `numbers`, its row: the robot that is used, with its `lateness` and its `disbelief`; `errors` and
-    number of the `differences` between mean rate and pitch; for how many ticks the stance foot alone is `standing`;
-    `tick`, `torque` and `x` of the last tick.
+    number of the `differences` between mean rate and pitch; for how many windows the stance foot alone is `standing`;
+    `torque`: mean of the last window; of the present one, of so many `ticks`, its `start` and the sums of torques and
+    forces; `tick` and `x` of the last tick.
     """
     known, nothing = unknown(nominal), np.zeros(1)
     used = {"used": known["value"], "numbers": nominal.row, "lateness": nothing, "disbelief": nothing}
     noise = dict.fromkeys(("errors", "differences", "standing"), nothing)
+    sums = {"ticks": nothing, "start": np.zeros(2 * DOF), "torques": np.zeros(JOINTS), "forces": np.zeros((2, 2))}
     last = {"tick": np.full(1, -2), "torque": no_torque(), "x": np.zeros(2 * DOF)}
-    return {**known, **UNKNOWN, **used, **noise, **last}
+    return {**known, **UNKNOWN, **used, **noise, **sums, **last}
 
 
-def after_tick(nominal: RobotNumbers, gives_way: bool) -> NumpyFunction:
+def after_tick(nominal: RobotNumbers, gives_way: bool, tick_seconds: float = TICK_SECONDS) -> NumpyFunction:
     """What is known after a tick, by the names of `first_known`, of (what was known; number, state, force and torque as
     it ends; joints, feet)."""
-    first = first_known(nominal)
+    first, length, seconds = first_known(nominal), ticks_in(WINDOW, tick_seconds), window(tick_seconds)
     shapes = {name: value.shape if value.ndim == 2 else (value.size, 1) for name, value in first.items()}
     known = {name: ca.SX.sym(name, *shape) for name, shape in shapes.items()}
     sizes = {"tick": (1, 1), "x": (2 * DOF, 1), "force": (2, 2), "torque": (JOINTS, 1)}
@@ -78,25 +84,34 @@ def after_tick(nominal: RobotNumbers, gives_way: bool) -> NumpyFunction:
     stance, swing = now["force"][0, 1], now["force"][1, 1]
     follows = ca.logic_and(known["tick"] + 1 == now["tick"], is_finite(now["torque"]))
     pinned = ca.logic_and(follows, ca.logic_and(swing < CONTACT_FORCE, stance >= CONTACT_FORCE))
-    standing = pinned * (known["standing"] + 1)
-    learns = standing > SETTLING
-    turned, rates = now["x"][PITCH] - known["x"][PITCH], now["x"][DOF + PITCH] + known["x"][DOF + PITCH]
-    error = ca.fabs(rates / 2 - turned / TICK_SECONDS)
+    begins = ca.logic_or(known["ticks"] == 0, known["ticks"] == length)
+    start = ca.if_else(begins, known["x"], known["start"])
+    sums = {"torques": now["torque"], "forces": now["force"]}
+    sums = {name: ca.if_else(begins, each, known[name] + each) for name, each in sums.items()}
+    ticks = pinned * (ca.if_else(begins, 0, known["ticks"]) + 1)
+    is_whole = ticks == length
+    standing = pinned * (known["standing"] + is_whole)
+    learns = ca.logic_and(is_whole, standing > SETTLING)
+    torque, force = sums["torques"] / length, sums["forces"] / length
+    turned, rates = now["x"][PITCH] - start[PITCH], now["x"][DOF + PITCH] + start[DOF + PITCH]
+    error = ca.fabs(rates / 2 - turned / seconds)
     errors = known["errors"] + ca.if_else(learns, ca.fmin(error, PUSHED), 0)
     differences = known["differences"] + learns
     found = calibrated(known, now["x"], differences, np.pi * (errors / differences) ** 2, **lengths)
     found = {name: ca.if_else(learns, value, known[name]) for name, value in found.items()}
     found |= {"errors": errors, "differences": differences, "standing": standing}
-    tick = {"start": known["x"], "end": now["x"], "before": known["torque"], "now": now["torque"], **lengths}
-    tick |= {"force": now["force"], "rate_variance": rate_variance(errors, differences)}
-    later = learned(nominal, known, tick)
+    tick = {"start": start, "end": now["x"], "before": known["torque"], "now": torque, **lengths}
+    tick |= {"force": force, "rate_variance": rate_variance(errors, differences)}
+    later = learned(nominal, known, tick, seconds)
     value, base, doubts = later["value"], later["base"], later["doubts"]
     used, disbelief = in_use(value, base, first["value"], doubts) if gives_way else (value, ca.SX(0))
     later |= {"used": used, "lateness": lateness(used[LATE_TORQUE]), "disbelief": disbelief}
     later["numbers"] = with_links(nominal, used)
     kept = known | {name: ca.if_else(pinned, known[name], first[name]) for name in ("regressor", "measured", "share")}
     is_known = ca.logic_and(learns, differences >= FIRST_DIFFERENCES)
-    found |= {name: ca.if_else(is_known, value, kept[name]) for name, value in later.items()} | now
+    found |= {name: ca.if_else(is_known, value, kept[name]) for name, value in later.items()}
+    found |= {**sums, "ticks": ticks, "start": start, "tick": now["tick"], "x": now["x"]}
+    found["torque"] = ca.if_else(is_whole, torque, known["torque"])
     inputs, outputs = {"known": packed(known), **now, **lengths}, {name: found[name] for name in first}
     return NumpyFunction.of("after_tick", inputs, outputs)
 

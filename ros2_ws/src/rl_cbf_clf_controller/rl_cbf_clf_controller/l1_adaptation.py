@@ -26,7 +26,7 @@ import numpy as np
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.constraints import ResClf
 from cbf_clf_qp.estimates import Estimates
-from rabbit_description.state import JOINTS, TICK_SECONDS, Array
+from rabbit_description.state import JOINTS, Array
 from scipy.linalg import expm
 
 from rl_cbf_clf_controller.parameters import ControllerParameters
@@ -45,7 +45,8 @@ class L1Adaptation(Estimator):
         self._F, self._G, P, K = (ca.DM(matrix).full() for matrix in (clf.F, clf.G, clf.P, clf.K))
         self._law, self._gain, self._cutoff = p.l1_law, p.l1_gain, p.l1_cutoff
         self._bounds = p.l1_slope_bound, p.l1_offset_bound
-        self._substeps, self._h = p.l1_substeps, TICK_SECONDS / p.l1_substeps
+        self._tick_seconds = p.tick_seconds
+        self._substeps, self._h = p.l1_substeps, p.tick_seconds / p.l1_substeps
         self._closed = (self._F + self._G @ K)[::m, ::m]  # the same 2x2 for every output
         self._s = (self._G.T @ P)[0, ::m]
         self.reset()
@@ -83,14 +84,14 @@ class L1Adaptation(Estimator):
         else:
             mu = (self._belief(torque) + belief(torque)) / 2  # a held torque is no held mu
             rate = self._F @ (self._eta + eta) / 2 + self._G @ mu
-            self._adapt((rate - (eta - self._eta) / TICK_SECONDS).reshape(2, -1), float(np.linalg.norm(mu)))
+            self._adapt((rate - (eta - self._eta) / self._tick_seconds).reshape(2, -1), float(np.linalg.norm(mu)))
         self._eta, self._belief = eta, belief
         return -self._state[FILTERED]
 
     def _adapt(self, defect: Array, size: float) -> None:
         if self._law == "piecewise":
             self.offset = into_ball(-defect[1], self._bounds[1])
-            decay = np.exp(-self._cutoff * TICK_SECONDS)
+            decay = np.exp(-self._cutoff * self._tick_seconds)
             self._state[ESTIMATE] = self.offset
             self._state[FILTERED] = decay * self._state[FILTERED] + (1 - decay) * self.offset
             return

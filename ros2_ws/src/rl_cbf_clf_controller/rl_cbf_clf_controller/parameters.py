@@ -6,6 +6,8 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from rabbit_description import DEFAULT_GAIT
 from rabbit_description.bounded_file import FileError
+from rabbit_description.state import TICK_SECONDS
+from rabbit_description.tick import ABOUT_TICK, TickSeconds
 from rabbit_description.validation import one_line, one_of
 
 from rl_cbf_clf_controller.kinds import ControllerName, find_kind
@@ -35,6 +37,7 @@ class ControllerParameters(BaseModel):
     stone_aim: float = Field(
         0.5, ge=0, le=1, description="where a gait library aims: share of the stone's width beyond its near edge"
     )
+    tick_seconds: TickSeconds = Field(TICK_SECONDS, description=ABOUT_TICK)
     eps: float = Field(0.04, ge=EPS_LEAST, le=1, description="epsilon of the RES-CLF")
     doubt_eps: float = Field(
         0.0,

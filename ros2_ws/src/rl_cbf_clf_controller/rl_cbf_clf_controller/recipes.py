@@ -10,6 +10,7 @@ from cbf_clf_qp.affine import Affine, inverse
 from cbf_clf_qp.constraints import Barrier, Clf, ResClf
 from cbf_clf_qp.quantity import Constrained, Constraint, Quantity, Rows, Terms, at_most
 from cbf_clf_qp.tick import Tick
+from rabbit_description.state import TICK_SECONDS
 
 from rl_cbf_clf_controller.contact_force import contact_force, force_rows
 from rl_cbf_clf_controller.kinds import Kind, find_kind
@@ -103,7 +104,7 @@ def make_tick(w: Walking, p: Parameters, further: Sequence[Constrained] = ()) ->
         control=w.output_dynamics.inverse(),
         limit=w.gains["torque_limit"],
         constraints=constraints,
-        objective=None if p.objective == "paper" else pd_objective(w, kind.problem.corrects_input),
+        objective=None if p.objective == "paper" else pd_objective(w, p, kind.problem.corrects_input),
         corners=kind.corners(w, p) if kind.corners else None,
         corrects_input=kind.problem.corrects_input,
         reads=reads(w, p, barriers_of([*quantities, *further])),
@@ -126,14 +127,15 @@ def unestimated(further: Constrained) -> Constraint:
     return rows
 
 
-def pd_objective(w: Walking, corrects_input: bool) -> Any:
+def pd_objective(w: Walking, p: Parameters, corrects_input: bool) -> Any:
     """`pd_centred`. Where the input is corrected, y'' = mu, as it makes it."""
 
     def objective(terms: Terms) -> Affine:
         m = terms.inputs
         error = Affine(ca.SX.zeros(m, m), ca.SX.zeros(m)) if corrects_input else terms.output_error
         change = Affine(terms.control.a, terms.control.b - w.held)
-        weights = MU_WEIGHT, w.gains["torque_change_weight"]
+        # a change since the last tick is as small as the tick is short, and shall cost the same in the same time
+        weights = MU_WEIGHT, TICK_SECONDS / p.tick_seconds * w.gains["torque_change_weight"]
         return pd_centred(w.eta[:m], w.eta[m:], w.gains["eps"], error, change, weights)
 
     return objective

@@ -61,6 +61,7 @@ class ResidualPolicy(Policy):
 
     adaptation = "identification"
     comes_last = True
+    tick_seconds = TICK_SECONDS  # with which it was trained
 
     def __init__(self) -> None:
         self._memory = Memory.of(1)
@@ -75,7 +76,7 @@ class ResidualPolicy(Policy):
 
     def of_many(self, memory: Memory, scene: Scene, before: Estimates) -> Estimates:
         """The same of N robots."""
-        memory.said = self.says(observe(memory, scene, before))
+        memory.said = self.says(observe(memory, scene, before, self.tick_seconds))
         return centred(memory.said, before.beta.shape[1])
 
     def reset(self) -> None:
@@ -88,7 +89,7 @@ class ResidualActor(ResidualPolicy):
 
     def __init__(self, file: PolicyFile) -> None:
         super().__init__()
-        self.file, self.version = file, file.version
+        self.file, self.version, self.tick_seconds = file, file.version, file.metadata.trained_tick
         self._actor = Actor(file.arrays)
 
     def says(self, reads: Array) -> Array:
@@ -103,7 +104,7 @@ def of_one(scene: Scene) -> Scene:
     return replace(scene, seen=type(scene.seen)(scene.seen.row[None]), **rows)
 
 
-def observe(memory: Memory, scene: Scene, others: Estimates) -> Array:
+def observe(memory: Memory, scene: Scene, others: Estimates, tick_seconds: float = TICK_SECONDS) -> Array:
     """What the network reads at a scene of N robots, (N, READS). The memory goes on to this tick.
 
     `others`: estimates of the model's errors.
@@ -116,7 +117,7 @@ def observe(memory: Memory, scene: Scene, others: Estimates) -> Array:
     )
     goes_on = (memory.tick == tick - 1)[:, None]
     same_step = goes_on & (memory.stance == scene.stance)[:, None] & np.isfinite(scene.torque)
-    missed = np.where(same_step, (dy - memory.dy) / TICK_SECONDS - expected, 0.0)
+    missed = np.where(same_step, (dy - memory.dy) / tick_seconds - expected, 0.0)
     on_stones = hasattr(seen, "B1_state")
     barriers = [seen.B1_state, seen.B2_state] if on_stones else [np.zeros((n, 2))] * 2
     stone = seen.stone - (STONE, STONE, 0.0) if on_stones else np.zeros((n, 3))

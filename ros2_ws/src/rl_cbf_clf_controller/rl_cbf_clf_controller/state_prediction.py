@@ -7,25 +7,26 @@ last torque has corrected already, and chatters. So the QP is solved for the sta
     q+ = q + h q' + h^2 q'' / 2,    q'+ = q' + h q'',    q'' = f(q, q', u_{k-1}),
 
 f the dynamics of the robot as identified, and h = lag T: the identification finds `lag`, the share of a change of
-torque that arrives a tick late (`identification.py`).
+torque that arrives a window T late (`identification.py`).
 """
 
 import casadi as ca
 from cbf_clf_qp.functions import NumpyFunction, packed
-from rabbit_description.state import TICK_SECONDS
 
+from rl_cbf_clf_controller.identification import WINDOW
 from rl_cbf_clf_controller.planar_robot import PinnedRobot
 
 MOST = 0.012  # s, ahead
 
 
-def prediction_function() -> NumpyFunction:
+def prediction_function(window: float = WINDOW) -> NumpyFunction:
     """`x` (14,) at which the next torque takes effect, of (x now, robot's row, torque (4,), lag (1,)).
 
-    The torque, N m, acts until then. The lag is in ticks; below 0 the state is that of now. Stance/swing order.
+    The torque, N m, acts until then. The lag is in windows, of so many s; below 0 the state is that of now.
+    Stance/swing order.
     """
     robot, lag = PinnedRobot(), ca.SX.sym("lag")
-    seconds = ca.fmin(ca.fmax(lag * TICK_SECONDS, 0), MOST)
+    seconds = ca.fmin(ca.fmax(lag * window, 0), MOST)
     acceleration = robot.acceleration(robot.u)
     q = robot.q + seconds * robot.dq + seconds**2 / 2 * acceleration
     inputs = {"x": ca.vertcat(robot.q, robot.dq), "robot": packed(robot.parameters), "torque": robot.u, "lag": lag}

@@ -23,19 +23,9 @@ from cbf_clf_qp.functions import NumpyFunction, Place, places_of, values_type
 from cbf_clf_qp.tick import Tick
 from rabbit_description.gait import Gaits
 from rabbit_description.planar_urdf import SLIDES
-from rabbit_description.state import (
-    DOF,
-    FEET,
-    JOINTS,
-    SWAP_STATE,
-    SWAP_TORQUE,
-    TICK_SECONDS,
-    Array,
-    StonePreview,
-    no_torque,
-)
+from rabbit_description.state import DOF, FEET, JOINTS, SWAP_STATE, SWAP_TORQUE, Array, StonePreview, no_torque
 
-from rl_cbf_clf_controller.identification import LATE_TORQUE
+from rl_cbf_clf_controller.identification import LATE_TORQUE, window
 from rl_cbf_clf_controller.identified_robot import after_tick, first_known
 from rl_cbf_clf_controller.joint_calibration import OFFSETS
 from rl_cbf_clf_controller.parameters import ControllerParameters
@@ -105,7 +95,7 @@ def symbols(sizes: Mapping[str, int]) -> dict[str, ca.SX]:
     return {name: ca.SX.sym(name, size) for name, size in sizes.items()}
 
 
-def stand_function(walking: Walking, on_stones: bool) -> NumpyFunction:
+def stand_function(walking: Walking, on_stones: bool, tick_seconds: float) -> NumpyFunction:
     """Which leg stands, and the state in stance/swing order, of memory, reading and settings; see the module."""
     sizes = {"stance": 1, "index": 1, "start": 1, "seconds": 1, "has_begun": 1, "last_tick": 1, "phase_scale": 2}
     sizes |= {"torque": JOINTS, "held": JOINTS, "offsets": 2, "swap_time": 1, "swap_phase": 1}
@@ -115,7 +105,7 @@ def stand_function(walking: Walking, on_stones: bool) -> NumpyFunction:
     is_known = is_finite(s["applied"])
     held = ca.if_else(is_known, s["applied"], s["held"])
     torque = ca.if_else(is_known, ordered(s["applied"], SWAP_TORQUE, is_right), s["torque"])
-    seconds = (tick - s["start"]) * TICK_SECONDS
+    seconds = (tick - s["start"]) * tick_seconds
     phase_of = [walking.robot.q, walking.outputs.parameters["phase_scale"]]
     (in_phase,) = ca.substitute([walking.outputs.phase], phase_of, [ordered(q, SWAP_STATE, is_right), s["phase_scale"]])
     down = ca.if_else(is_right, s["contact"][0], s["contact"][1])
@@ -219,9 +209,9 @@ class StepFunctions:
     ) -> None:
         self._walking, self._tick, self._parameters, self._robot = walking, tick, parameters, robot
         self.identifies, self._on_stones = parameters.adaptation == "identification", parameters.terrain == "stones"
-        self._after = after_tick(robot, parameters.doubt_eps > 0) if self.identifies else None
+        self._after = after_tick(robot, parameters.doubt_eps > 0, parameters.tick_seconds) if self.identifies else None
         self.known = self._after.places if self._after else {}  # of the identified robot, in `known` of the memory
-        self.seen, answering, left = tick_functions(walking, tick)
+        self.seen, answering, left = tick_functions(walking, tick, parameters.tick_seconds)
         self.programme, self.answer = answering.programme, answering.reading
         shape = Shape.of(gaits)
         first, begin = step_functions(shape, parameters.speed_regulation)
@@ -260,7 +250,7 @@ class StepFunctions:
     def _stand(self) -> NumpyFunction:
         memory, reading, settings = self._given
         offsets = memory["known"][self.known["offsets"][0]] if self.known else ca.DM.zeros(2)
-        function = stand_function(self._walking, self._on_stones)
+        function = stand_function(self._walking, self._on_stones, self._parameters.tick_seconds)
         return made("stand", self._rows, call(function, {**memory, **settings, **reading, "offsets": offsets}))
 
     def _see(self, begin: ca.Function, steps: Layout) -> NumpyFunction:
@@ -286,7 +276,7 @@ class StepFunctions:
         if p.prediction:
             now = {"x": x, "robot": was["numbers"], "torque": stood["torque"], "lag": was["used"][LATE_TORQUE]}
             is_known = ca.fabs(ca.sum1(stood["torque"])) < ca.inf
-            x = ca.if_else(is_known, call(prediction_function(), now)["x"], x)
+            x = ca.if_else(is_known, call(prediction_function(window(p.tick_seconds)), now)["x"], x)
         given = {**gains, "phase_scale": begun["phase_scale"], "step_length": begun["steps"][0]}
         given |= dict(zip(("l_min", "l_max", "height"), ca.vertsplit(tracked["stone"]), strict=True))
         given |= {"force": stood["force"][:2], "held": stood["held_now"]}
@@ -298,7 +288,7 @@ class StepFunctions:
         kept = {**begun, **tracked, "eps": gains["eps"], "last_tick": reading["tick"], "left": seen["leaves"]}
         kept |= {name: stood[name] for name in ("stance", "index", "start", "seconds")} | {"known": memory["known"]}
         scene = {"seen": seen_row, "x": x} | {name: stood[name] for name in ("force", "torque", "stance", "index")}
-        scene |= {"refused": stood["refused"], "step_time": (reading["tick"] - stood["start"]) * TICK_SECONDS}
+        scene |= {"refused": stood["refused"], "step_time": (reading["tick"] - stood["start"]) * p.tick_seconds}
         if self._after:
             lengths = {"joints": ca.DM(robot.joints.ravel()), "feet": ca.DM(robot.feet.ravel())}
             now = {**{name: stood[name] for name in ("x", "force", "torque")}, **lengths, "tick": reading["tick"]}

@@ -20,7 +20,9 @@ from rabbit_description.state import TICK_SECONDS
 from rl_cbf_clf_controller.walking import Walking
 
 
-def tick_functions(walking: Walking, tick: Tick) -> tuple[NumpyFunction, Answering, int]:
+def tick_functions(
+    walking: Walking, tick: Tick, tick_seconds: float = TICK_SECONDS
+) -> tuple[NumpyFunction, Answering, int]:
     """`look` of (x, p but for the `walking.outputs.rates`, path, torque, before), answer, and the size of `before`.
 
     `before`: `leaves` of the last tick, NaN where there is none; `torque`: of the last tick, (4,), N m.
@@ -31,7 +33,7 @@ def tick_functions(walking: Walking, tick: Tick) -> tuple[NumpyFunction, Answeri
     estimates = {name: terms.symbols[name] for name in ("alpha", "beta", "output_error")}
     data = dict(zip(names, parts, strict=True))
     answer = Answering({"prepared": given, **estimates}, data, tick.layout, tick.answer.solver)
-    leaves, before, means = measuring(terms)
+    leaves, before, means = measuring(terms, tick_seconds)
     inputs = {"x": system.x, "p": system.p, "path": packed(walking.outputs.path), "torque": system.u, "before": before}
     shown = {**tick.reads, "mu_held": walking.output_dynamics(system.u), "measured": means, "leaves": leaves}
     shown |= {"p": system.p, "prepared": prepared}
@@ -40,11 +42,11 @@ def tick_functions(walking: Walking, tick: Tick) -> tuple[NumpyFunction, Answeri
     return look, answer, before.numel()
 
 
-def measuring(terms: Terms) -> tuple[ca.SX, ca.SX, ca.SX]:
+def measuring(terms: Terms, tick_seconds: float = TICK_SECONDS) -> tuple[ca.SX, ca.SX, ca.SX]:
     """What a state leaves to the next one, symbols for what the last one has left, and of these `measured` (n,)."""
     now = terms.system.x, terms.system.p
     start = tuple(ca.SX.sym("start", each.numel()) for each in now)
-    (found,), before, left = parted([measured(terms, start, now, TICK_SECONDS)], ca.vertcat(*start))
+    (found,), before, left = parted([measured(terms, start, now, tick_seconds)], ca.vertcat(*start))
     (leaves,) = ca.substitute([left], start, now)
     return leaves, before, ca.if_else(is_finite(before), found, ca.SX.nan())
 

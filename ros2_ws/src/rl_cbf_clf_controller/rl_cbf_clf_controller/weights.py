@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from rabbit_description.atomic_file import replacing
 from rabbit_description.bounded_file import FileError, read_bytes
+from rabbit_description.state import TICK_SECONDS
+from rabbit_description.tick import TickSeconds
 from rabbit_description.validation import one_line
 from safetensors.numpy import load, save
 
@@ -72,6 +74,7 @@ class PolicyMetadata(BaseModel):
         default=None, description="it estimates nothing, but moves the objective's centre, see `residual_policy.py`"
     )
     adaptation: str | None = Field(default=None, description="online adaptation that it adds to; None: to no one's")
+    tick_seconds: TickSeconds | None = Field(default=None, description="tick in its training, s; None: 0.01")
     learner: str = Field(description="what trained it")
     plant: dict[str, bool | int | float | str] = Field(description="parameters of the plant it was trained on")
     training_seed: int
@@ -100,6 +103,11 @@ class PolicyMetadata(BaseModel):
         if self.structured and self.names[0] != "V":
             raise ValueError(f"structured = True, but {self.problem} learns no CLF row")
         return self
+
+    @property
+    def trained_tick(self) -> float:
+        """Length of a tick in its training, s."""
+        return self.tick_seconds or TICK_SECONDS
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 from rabbit_description.plugins import names
+from rabbit_description.state import TICK_SECONDS
+from rabbit_description.tick import ABOUT_TICK, TickSeconds
 from rl_cbf_clf_controller.kinds import NamedProblem
 from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP, STEP_LENGTH
@@ -34,6 +36,7 @@ class TrainingParameters(BaseModel):
     walking_steps: int = Field(10, ge=1, le=1000, description="walking steps an episode")
 
     # actor
+    tick_seconds: TickSeconds = Field(TICK_SECONDS, description=ABOUT_TICK)
     structured: bool = Field(True, description="CLF outputs are a 4x5 matrix contracted with LgV")
     observe_l_min: bool = Field(True, description="l_min is part of the observation (contribution 3)")
     observe_step_length: bool = Field(

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import torch
 from rabbit_description.plugins import load
-from rabbit_description.state import RobotState
+from rabbit_description.state import TICK_SECONDS, RobotState
 from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.policy import ActorPolicy, ZeroPolicy
 from rl_cbf_clf_controller.weights import Arrays, PolicyFile, PolicyFileError, PolicyMetadata, problem_fields
@@ -218,6 +218,7 @@ class Trainer:
             alpha_scale=alpha,
             beta_scale=beta,
             adaptation=self._adaptation,
+            tick_seconds=None if p.tick_seconds == TICK_SECONDS else p.tick_seconds,
             learner=p.learner,
             training_seed=p.seed,
             episodes=self.episode,

@@ -19,14 +19,14 @@ from enum import IntFlag, auto
 
 import numpy as np
 from cbf_clf_qp.estimates import Estimates
-from rabbit_description.state import TICK_SECONDS, Array, RobotState
+from rabbit_description.state import Array, RobotState
 from rl_cbf_clf_controller.controller_output import ControllerOutput, from_flat
 from rl_cbf_clf_controller.problem import Problem
 
 from rl_trainer.parameters import TrainingParameters
 
 CONTACT_FORCE = 1.0  # N; a foot that carries less is in the air
-SETTLED = 0.04 - TICK_SECONDS / 2  # s after an impact
+SETTLED = 0.04  # s after an impact, but for half a tick
 FAR_POSITION, FAR_VELOCITY = 0.6, 12.0  # rad, rad/s; y and dy beyond these are far off the gait
 
 
@@ -118,7 +118,7 @@ class TransitionBuilder:
         usable = None if doubt & Doubt.UNMEASURED else output
         measured = usable.measured.copy() if usable else np.full(p.n, np.nan)
         if usable and p.measurement == "paper" and p.problem.has_clf:
-            measured[0] = (usable.V - last.V) / TICK_SECONDS
+            measured[0] = (usable.V - last.V) / p.tick_seconds
         return Transition(
             problem=p.problem,
             tick=last.tick,
@@ -142,9 +142,10 @@ class TransitionBuilder:
         y, dy = np.abs(last.eta.reshape(2, -1)).max(axis=1)
         normal_force = state.foot_force[:, 1]
         acted_otherwise = np.isfinite(state.applied).all() and (state.applied != last.torque).any()  # it came late
+        settled = SETTLED - self._parameters.tick_seconds / 2
         reasons = {
             Doubt.UNMEASURED: output is None or output.step_index != last.step_index or acted_otherwise,
-            Doubt.SETTLING: last.step_time < SETTLED if last.step_index else last.adapted.size > 0,
+            Doubt.SETTLING: last.step_time < settled if last.step_index else last.adapted.size > 0,
             Doubt.FLIGHT: normal_force[last.stance] < CONTACT_FORCE,
             Doubt.SCUFF: normal_force[last.stance.other] >= CONTACT_FORCE,
             Doubt.SATURATED: last.saturated,

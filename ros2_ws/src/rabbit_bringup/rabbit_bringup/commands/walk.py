@@ -83,6 +83,7 @@ def given_training(request: WalkOptions, controller: ControllerParameters, polic
     from rl_trainer.parameters import TrainingParameters
 
     known: dict[str, Any] = {"problem": controller.problem, "seed": request.seed}
+    known["tick_seconds"] = controller.tick_seconds
     if policy != "zero":
         form = read(Path(policy)).metadata
         known |= {name: getattr(form, name) for name in ("structured", "alpha_scale", "beta_scale")}

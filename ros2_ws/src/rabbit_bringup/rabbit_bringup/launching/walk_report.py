@@ -122,7 +122,6 @@ def write_summary(
     its end, if it did not. Raises `RecordingError`.
     """
     from rabbit_description.atomic_file import replace_text
-    from rabbit_description.state import TICK_SECONDS
     from rabbit_experiments import provenance
     from rabbit_experiments.walk_records import DRAWN, PLANT, WalkRecords, about_walk, save_records
     from rabbit_recording.reader import iterate_episodes
@@ -140,7 +139,7 @@ def write_summary(
         "episodes": rows,
         "ticks": ticks,
         "wall_seconds": seconds,
-        "real_time_factor": ticks * TICK_SECONDS / seconds if seconds else None,
+        "real_time_factor": ticks * walk.simulation.tick_seconds / seconds if seconds else None,
         "real_time": real_time_figures(recording),
         "command": provenance.command(),
         "commit": provenance.commit(),

@@ -51,9 +51,10 @@ class HardwareNode(SimulatorNode):
         self._commands = self.create_publisher(JointState, "stamped_commands", 10)
         simulation = self._player.simulation
         simulation.plant.close()
-        simulation.plant = self._robot = Hardware(self._own, self._send)
+        simulation.plant = self._robot = Hardware(self._own, self._send, simulation.parameters.tick_seconds)
         self._start, _ = load_gaits(self._own.gait).x_start
-        self._sensors = SensorClock(SENSORS, self._own.largest_tick, self._own.largest_skew)
+        limits = self._own.largest_tick, self._own.largest_skew
+        self._sensors = SensorClock(SENSORS, *limits, simulation.parameters.tick_seconds)
         self._read: dict[str, Any] = {}
         self._sensed = time.monotonic()  # when the newest tick came
         self._done = self._player.episode.episode  # the walk that is over

@@ -15,7 +15,7 @@ from rabbit_description.state import (
     COORDINATES,
     FEET,
     LAYOUT,
-    TICK_NANOSECONDS,
+    TICK_SECONDS,
     Array,
     BodySensors,
     RobotState,
@@ -40,16 +40,16 @@ UNIT = 1e-6  # by which a quaternion's norm may be off
 UNKNOWN = -1.0  # as the first of a covariance: an `Imu` does not measure that
 
 
-def header(ticks: int) -> Header:
+def header(ticks: int, tick_seconds: float = TICK_SECONDS) -> Header:
     """Simulated time after `ticks` ticks."""
     at = Header(frame_id=WORLD)
-    set_time(at, ticks)
+    set_time(at, ticks, tick_seconds)
     return at
 
 
-def set_time(at: Header, ticks: int) -> None:
+def set_time(at: Header, ticks: int, tick_seconds: float = TICK_SECONDS) -> None:
     """Have `at` say the time after `ticks` ticks."""
-    at.stamp.sec, at.stamp.nanosec = divmod(ticks * TICK_NANOSECONDS, 1_000_000_000)
+    at.stamp.sec, at.stamp.nanosec = divmod(ticks * round(1e9 * tick_seconds), 1_000_000_000)
 
 
 def nanoseconds(time: Time) -> int:

@@ -74,7 +74,7 @@ def given_assembly(given: Given, policy: str | None = None, parameters: str = "o
     with complaints(ParameterError):
         terrain = given.of(SimulationParameters).get("terrain")
         controller = load_parameters(parameters, terrain, **given.of(ControllerParameters))
-    simulation = given.build(SimulationParameters, terrain=controller.terrain)
+    simulation = given.build(SimulationParameters, terrain=controller.terrain, tick_seconds=controller.tick_seconds)
     with complaints(GaitError, CourseError, PolicyFileError):
         try:
             assembly = Assembly(simulation, controller, resolve_policy(policy, controller, oracle))
@@ -134,9 +134,9 @@ def conclude(scenario: Any, folder: Any, results: list[Any], about: dict[str, An
     from rabbit_experiments.results import SUMMARY
     from rabbit_experiments.summary import summarise
 
-    stones = scenario.assembly.simulation.stones
-    figures = summarise(results, scenario.assembly.controller.qp_solver, stones)
-    summary = {"runs": scenario.runs, "stones": stones, **figures, **about}
+    plant, controller = scenario.assembly.simulation, scenario.assembly.controller
+    figures = summarise(results, controller.qp_solver, plant.stones, plant.tick_seconds)
+    summary = {"runs": scenario.runs, "stones": plant.stones, **figures, **about}
     folder.write(SUMMARY, summary)
     return summary
 

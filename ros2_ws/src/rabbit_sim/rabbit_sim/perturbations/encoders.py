@@ -3,7 +3,8 @@
 from math import exp
 
 import numpy as np
-from rabbit_description.state import JOINTS, TICK_SECONDS, RobotState
+from rabbit_description.state import JOINTS, RobotState
+from rabbit_description.tick import ticks_in
 
 from rabbit_sim.perturbation import Control, Memory, Number, Perturbation, setting
 from rabbit_sim.plant import PlantReading
@@ -47,7 +48,8 @@ class FilteredRates(Perturbation):
     def measure(self, memory: Memory, state: RobotState, reading: PlantReading) -> None:
         _, rates = state.joints
         if memory.rates is not None:
-            rates[:] = memory.rates + (1 - exp(-TICK_SECONDS / self.rate_lag)) * (rates - memory.rates)
+            share = 1 - exp(-memory.parameters.tick_seconds / self.rate_lag)
+            rates[:] = memory.rates + share * (rates - memory.rates)
         memory.rates = rates.copy()
 
 
@@ -68,7 +70,7 @@ class EncoderDrift(Perturbation):
         drift = self.encoder_drift * memory.direction
         angles += memory.offset
         rates += drift
-        memory.offset = memory.offset + TICK_SECONDS * drift
+        memory.offset = memory.offset + memory.parameters.tick_seconds * drift
 
 
 class StuckEncoders(Perturbation):
@@ -92,8 +94,9 @@ class StuckEncoders(Perturbation):
 
     def measure(self, memory: Memory, state: RobotState, reading: PlantReading) -> None:
         angles, rates = state.joints
-        if not memory.ticks and memory.rng.random() < 1 - exp(-TICK_SECONDS / FREE_SECONDS):
-            memory.ticks = max(round(self.stuck_seconds / TICK_SECONDS), 1)
+        tick = memory.parameters.tick_seconds
+        if not memory.ticks and memory.rng.random() < 1 - exp(-tick / FREE_SECONDS):
+            memory.ticks = ticks_in(self.stuck_seconds, tick)
             memory.joint = int(memory.rng.integers(JOINTS))
             memory.angle = float(angles[memory.joint])
         if memory.ticks:

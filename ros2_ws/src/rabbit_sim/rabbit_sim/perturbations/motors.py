@@ -17,7 +17,7 @@ from pydantic import Field
 from rabbit_description.state import ACTUATED, TORQUE_LIMIT, Array
 
 from rabbit_sim.perturbation import Control, Number, Perturbation, WholeSubsteps, setting
-from rabbit_sim.plant import SUBSTEP_SECONDS, SUBSTEPS
+from rabbit_sim.plant import SUBSTEP_SECONDS
 
 
 class Saturation(Perturbation):
@@ -46,7 +46,7 @@ class TorqueSteps(Perturbation):
 
 
 class DeadTime(Perturbation):
-    """The state is the torques of a tick's substeps, and those on their way."""
+    """The state is the torques on their way."""
 
     order = 50
 
@@ -60,13 +60,14 @@ class DeadTime(Perturbation):
         return np.rint(np.asarray(self.torque_delay)[:, 0] / SUBSTEP_SECONDS).astype(int)
 
     def remembered(self) -> int:
-        return int(self.delays.max()) + SUBSTEPS
+        return int(self.delays.max())
 
     def drive(self, torques: Array, state: Array) -> Array:
-        state[np.arange(len(state))[:, None], self.delays + np.arange(SUBSTEPS)] = torques
-        now = state[:, :SUBSTEPS].copy()
-        state[:, :-SUBSTEPS] = state[:, SUBSTEPS:]
-        return now
+        substeps = torques.shape[1]
+        queue = np.concatenate([state, np.zeros_like(torques)], axis=1)
+        queue[np.arange(len(state))[:, None], self.delays + np.arange(substeps)] = torques
+        state[:] = queue[:, substeps:]
+        return queue[:, :substeps]
 
 
 class DeadZone(Perturbation):
@@ -101,7 +102,7 @@ class TorqueRate(Perturbation):
 
     def drive(self, torques: Array, state: Array) -> Array:
         most, reached = np.asarray(self.torque_rate)[:, 0] * SUBSTEP_SECONDS, state[:, 0]
-        for substep in range(SUBSTEPS):
+        for substep in range(torques.shape[1]):
             wanted = torques[:, substep]
             change = (wanted - reached).clip(-most, most)
             torques[:, substep] = reached = np.where(most == 0, wanted, reached + change)
@@ -164,7 +165,7 @@ class SecondOrderMotors(Perturbation):
     def drive(self, torques: Array, state: Array) -> Array:
         from_state, from_drive = self._steps
         acts = np.asarray(self.motor_frequency)[:, 0] > 0
-        for substep in range(SUBSTEPS):
+        for substep in range(torques.shape[1]):
             wanted, start = torques[:, substep].copy(), state[:, 0].copy()
             state[:] = from_state @ state + from_drive * wanted[:, None]
             torques[:, substep] = np.where(acts, (start + state[:, 0]) / 2, wanted)
@@ -187,10 +188,9 @@ class MotorLag(Perturbation):
         Control("motor lag", 0.001, "s", high=0.05, first=True),
     )
 
-    @cached_property
-    def responses(self) -> tuple[Array, Array, Array]:
+    def responses(self, substeps: int) -> tuple[Array, Array, Array]:
         """Those of `response` for N robots."""
-        parts = zip(*(response(float(lag)) for lag in np.ravel(self.motor_lag)), strict=True)
+        parts = zip(*(response(float(lag), substeps) for lag in np.ravel(self.motor_lag)), strict=True)
         from_torque, from_drive, mean = map(np.array, parts)
         return from_torque[:, :, None], from_drive, mean[:, None, None]
 
@@ -198,7 +198,7 @@ class MotorLag(Perturbation):
         return 1
 
     def drive(self, torques: Array, state: Array) -> Array:
-        from_torque, from_drive, mean = self.responses
+        from_torque, from_drive, mean = self.responses(torques.shape[1])
         ends = from_torque * state + from_drive @ torques
         starts = np.concatenate([state, ends[:, :-1]], axis=1)
         state[:] = ends[:, -1:]
@@ -206,12 +206,13 @@ class MotorLag(Perturbation):
         return held
 
 
-def response(lag: float) -> tuple[Array, Array, float]:
+@lru_cache(maxsize=4096)
+def response(lag: float, substeps: int) -> tuple[Array, Array, float]:
     """Torque at each substep's end from the first torque and from the drives; mean share of a substep's first error."""
     decay = float(np.exp(-SUBSTEP_SECONDS / lag)) if lag > 0 else 0.0
-    age = np.subtract.outer(np.arange(SUBSTEPS), np.arange(SUBSTEPS))
+    age = np.subtract.outer(np.arange(substeps), np.arange(substeps))
     from_drive = np.where(age >= 0, (1 - decay) * decay ** np.maximum(age, 0), 0.0)
-    return decay ** np.arange(1, SUBSTEPS + 1), from_drive, (1 - decay) * lag / SUBSTEP_SECONDS
+    return decay ** np.arange(1, substeps + 1), from_drive, (1 - decay) * lag / SUBSTEP_SECONDS
 
 
 @lru_cache(maxsize=4096)  # a batch asks for all its robots again when one begins an episode

@@ -1,10 +1,10 @@
 """Pushes on the torso, forward first and then in turn."""
 
 import numpy as np
-from rabbit_description.state import TICK_SECONDS, Array
+from rabbit_description.state import Array
+from rabbit_description.tick import ticks_in
 
 from rabbit_sim.perturbation import Control, EngineNumber, Memory, Number, Perturbation, setting
-from rabbit_sim.plant import SUBSTEPS
 
 PUSH_SECONDS = 0.1
 
@@ -30,8 +30,10 @@ class Pushes(Perturbation):
     )
 
     def force(self, memory: Memory, tick: int) -> Array:
-        turn, since = divmod(tick, max(round(self.push_interval / TICK_SECONDS), 1))
-        if not turn or since >= round(PUSH_SECONDS / TICK_SECONDS):
-            return np.zeros(SUBSTEPS)
-        force = self.push / PUSH_SECONDS
-        return np.full(SUBSTEPS, force if turn % 2 else -force)
+        seconds, substeps = memory.parameters.tick_seconds, memory.parameters.substeps
+        turn, since = divmod(tick, ticks_in(self.push_interval, seconds))
+        lasts = ticks_in(PUSH_SECONDS, seconds)
+        if not turn or since >= lasts:
+            return np.zeros(substeps)
+        force = self.push / (lasts * seconds)
+        return np.full(substeps, force if turn % 2 else -force)

@@ -13,13 +13,14 @@ from typing import Literal, Self
 import numpy as np
 from pydantic import model_validator
 from rabbit_description.planar_urdf import BASE, SLIDES
-from rabbit_description.state import DOF, JOINTS, TICK_SECONDS, Array, BodySensors, RobotState, orientation_of
+from rabbit_description.state import DOF, JOINTS, Array, BodySensors, RobotState, orientation_of
 
 from rabbit_sim.perturbation import Control, Memory, Number, Perturbation, WholeSubsteps, setting
-from rabbit_sim.plant import SUBSTEP_SECONDS, SUBSTEPS, PlantReading, gravity
+from rabbit_sim.plant import SUBSTEP_SECONDS, PlantReading, gravity
 
 ENCODER_STEP = 2 * pi / 2**14  # rad, of a lab's encoders unless another is given
 RATE_SAMPLES = 3  # through which a drive fits its line
+KEPT = 12  # states before a tick, a substep apart: as many as the longest delay has, and those samples
 
 
 class Noise(Perturbation):
@@ -75,21 +76,21 @@ class Laboratory(Perturbation):
         memory.gyro_bias = self.gyro_bias * rng.standard_normal()
         memory.accelerometer_bias = self.accelerometer_bias * rng.standard_normal(2)
         memory.attitude_error = self.attitude_error * rng.standard_normal()
-        memory.trace = None  # states of the last two ticks, a substep apart
+        memory.trace = None  # states of the last ticks, a substep apart
 
     def measure(self, memory: Memory, state: RobotState, reading: PlantReading) -> None:
         p, rng, last, path = memory.parameters, memory.rng, memory.trace, reading.path
         if path is None:  # a reset
             path = until(np.concatenate([reading.q, reading.dq]))
-        memory.trace = np.vstack([until(path[0])[:-1] if last is None else last[-SUBSTEPS - 1 :], path])
+        memory.trace = np.vstack([until(path[0])[:-1] if last is None else last[-KEPT:], path])
         end = len(memory.trace) - round(self.sensor_delay / SUBSTEP_SECONDS)
-        path = memory.trace[end - SUBSTEPS - 1 : end]
+        path, sampled = memory.trace[end - p.substeps - 1 : end], memory.trace[end - RATE_SAMPLES : end]
         specific_force = np.full(2, np.nan)
         if last is not None:
-            memory.attitude_error += TICK_SECONDS * (memory.gyro_bias + self.gyro_noise * rng.standard_normal())
+            memory.attitude_error += p.tick_seconds * (memory.gyro_bias + self.gyro_noise * rng.standard_normal())
             specific_force = mean_specific_force(path, gravity(p.slope))
             specific_force += memory.accelerometer_bias + self.accelerometer_noise * rng.standard_normal(2)
-        angles = rounded(path[-RATE_SAMPLES:, BASE:DOF] + memory.offset, p.encoder_resolution or ENCODER_STEP)
+        angles = rounded(sampled[:, BASE:DOF] + memory.offset, p.encoder_resolution or ENCODER_STEP)
         state.q, state.dq = np.full((2, DOF), np.nan)
         state.sensors = BodySensors(
             joint_angles=angles[-1],
@@ -126,7 +127,7 @@ class SensorJitter(Perturbation):
     def measure(self, memory: Memory, state: RobotState, reading: PlantReading) -> None:
         oldest = round(self.sensor_jitter / SUBSTEP_SECONDS)
         path = reading.path if reading.path is not None else np.concatenate([state.q, state.dq])[None]
-        memory.trace = np.vstack([memory.trace, path])[-oldest - SUBSTEPS :]
+        memory.trace = np.vstack([memory.trace, path])[-oldest - memory.parameters.substeps :]
         age = min(int(memory.rng.integers(oldest + 1)), len(memory.trace) - 1)
         state.q, state.dq = memory.trace[-1 - age].reshape(2, DOF).copy()
 
@@ -155,8 +156,8 @@ class SensorDropout(Perturbation):
 
 
 def until(state: Array) -> Array:
-    """Path to `state` (14,) of more than a tick, in which all moved as it does in the end, (12, 14)."""
-    back = np.arange(-SUBSTEPS - 1, 1)[:, None] * SUBSTEP_SECONDS
+    """Path to `state` (14,), in which all moved as it does in the end, (KEPT + 1, 14)."""
+    back = np.arange(-KEPT, 1)[:, None] * SUBSTEP_SECONDS
     return np.hstack([state[:DOF] + back * state[DOF:], np.tile(state[DOF:], (len(back), 1))])
 
 

@@ -7,10 +7,9 @@ deviation s, the time constant T and a tick h,   g(t + h) = a g(t) + s sqrt(1 - 
 from math import exp, sqrt
 
 import numpy as np
-from rabbit_description.state import TICK_SECONDS, Array
+from rabbit_description.state import Array
 
 from rabbit_sim.perturbation import Control, EngineNumber, Memory, Number, Perturbation, setting
-from rabbit_sim.plant import SUBSTEPS
 
 
 class Wind(Perturbation):
@@ -26,7 +25,7 @@ class Wind(Perturbation):
         memory.gust = self.gusts * memory.rng.standard_normal()
 
     def force(self, memory: Memory, tick: int) -> Array:
-        force = np.full(SUBSTEPS, self.wind + memory.gust)
-        keeps = exp(-TICK_SECONDS / self.gust_seconds)
+        force = np.full(memory.parameters.substeps, self.wind + memory.gust)
+        keeps = exp(-memory.parameters.tick_seconds / self.gust_seconds)
         memory.gust = keeps * memory.gust + self.gusts * sqrt(1 - keeps**2) * memory.rng.standard_normal()
         return force

@@ -42,12 +42,13 @@ class EpisodePlayer:
         self._memory = RestartFile(Path(own.memory) if own.memory else None)
         before = self._memory.stand  # of a simulator that was killed
         self.clock_ticks, self._now = before.clock_ticks, header(0)
-        self.episode = episode_of(before, plant.stones, sender)
+        self._tick_seconds = plant.tick_seconds
+        self.episode = episode_of(before, sender, stones=plant.stones, tick_seconds=plant.tick_seconds)
         self.state: RobotState | None = None
         self.torque: Array | None = None
         self.stand_in = StandIn(own.held_ticks, own.damped_ticks, own.damping)
         self.admission, self.wait = ControllerAdmission(), Wait()
-        self.ticks = TickClock(node, own.late_limit, on_due)
+        self.ticks = TickClock(node, plant.tick_seconds, own.late_limit, on_due)
         self.topics = SimulatorPublishers(node, plant, own, sender)
         if before.running:
             self._log.warning(f"episode {before.episode}, tick {before.tick}: {self.episode.reason}")
@@ -69,6 +70,7 @@ class EpisodePlayer:
         self.state = state = self.simulation.reset(seed)
         number = self.episode.episode + 1
         told = {"seed": seed, "sigma": sigma, "policy_version": policy, "stones": plant.stones}
+        told["tick_seconds"] = plant.tick_seconds
         self.episode = of_our_robot(episode=number, sender=self.episode.sender, **told)
         self.topics.begin(self.episode)
         self.announce(Episode.RUNNING)
@@ -97,7 +99,7 @@ class EpisodePlayer:
         self.clock_ticks += 1
         self.ticks.wait()
         if self._own.real_time:
-            self.ticks.simulated(header(before[0]), *before[1:], source)
+            self.ticks.simulated(header(before[0], self._tick_seconds), *before[1:], source)
         self._publish(self.state)
         if not self.state.running or self.stand_in.is_over:
             self.end(*self.stand_in.verdict(self.simulation.outcome.value))
@@ -116,7 +118,7 @@ class EpisodePlayer:
 
     def announce(self, phase: int) -> None:
         """Publish where the episode stands."""
-        self.episode.phase, self.episode.header = phase, header(self.clock_ticks)
+        self.episode.phase, self.episode.header = phase, header(self.clock_ticks, self._tick_seconds)
         kept = {name: getattr(self.episode, name) for name in KEPT}
         self._memory.note(clock_ticks=self.clock_ticks, running=phase in (Episode.RUNNING, Episode.PAUSED), **kept)
         self.topics.episodes.publish(self.episode)
@@ -166,12 +168,12 @@ class EpisodePlayer:
     def ask_again(self, state: RobotState) -> None:
         """Announce the episode and publish the state once more."""
         self.announce(Episode.RUNNING)
-        self.topics.again(state, self.episode.episode, header(self.clock_ticks))
+        self.topics.again(state, self.episode.episode, header(self.clock_ticks, self._tick_seconds))
 
     def _publish(self, state: RobotState) -> None:
         """A tick's messages."""
         self._memory.note(clock_ticks=self.clock_ticks, tick=state.tick, touchdowns=state.touchdowns)
-        set_time(self._now, self.clock_ticks)
+        set_time(self._now, self.clock_ticks, self._tick_seconds)
         self.topics.tick(state, self.episode.episode, self._now, self.simulation.landings, self.simulation.reading)
         self.ticks.sent()
         if self.wait.reminders:

@@ -131,9 +131,9 @@ def of_our_robot(**fields: Any) -> Episode:
     return Episode(**{name: list(names) for name, names in LAYOUT.items()}, **fields)
 
 
-def episode_of(before: RestartPoint, stones: int, sender: str) -> Episode:
+def episode_of(before: RestartPoint, sender: str, **told: Any) -> Episode:
     """The newest episode of the simulator before this one; where that was killed in its middle, it is over."""
-    episode = of_our_robot(stones=stones, sender=sender, **{name: getattr(before, name) for name in KEPT})
+    episode = of_our_robot(sender=sender, **told, **{name: getattr(before, name) for name in KEPT})
     if not before.episode:
         episode.sigma = math.nan
     if before.running:

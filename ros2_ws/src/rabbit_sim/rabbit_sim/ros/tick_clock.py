@@ -20,9 +20,10 @@ NANOSECOND = 1e-9
 class TickClock:
     """Times by the clock that the node's timers go by. `due`: the next tick may be simulated."""
 
-    def __init__(self, node: Node, late_limit: float, on_due: Callable[[], None]) -> None:
+    def __init__(self, node: Node, tick_seconds: float, late_limit: float, on_due: Callable[[], None]) -> None:
         self.punctuality, self.due = Punctuality(late_limit), True
         self._node, self._on_due = node, on_due
+        self._tick_seconds, self._late_seconds = tick_seconds, LATE_SECONDS * tick_seconds / TICK_SECONDS
         self._timer: Timer | None = None
         self._clock = Clock(clock_type=ClockType.STEADY_TIME)
         self._publisher = node.create_publisher(Timing, "timing", TICK)
@@ -34,7 +35,7 @@ class TickClock:
             self._node.destroy_timer(self._timer)
             self._timer = None
         if pace > 0:
-            self._period = TICK_SECONDS / pace
+            self._period = self._tick_seconds / pace
             self._timer = steady_timer(self._node, self._period, self._tick_is_due)
             self._due_at, self._late = self._now(), 0.0
         self.due = self._timer is None
@@ -44,7 +45,7 @@ class TickClock:
         now, self.due = self._now(), True
         self._late = max(0.0, now - self._due_at - self._period)
         self._due_at += self._period
-        if self._late > LATE_SECONDS and self._timer is not None:
+        if self._late > self._late_seconds and self._timer is not None:
             self._due_at = now
             self._timer.reset()
         self._on_due()

@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, TypeAdapter, ValidationError
 from rabbit_common.options import fault
-from rabbit_description.state import TICK_SECONDS, RobotState
+from rabbit_description.state import RobotState
 from rl_cbf_clf_controller.controller_output import ControllerOutput
 
 from rabbit_viewer.page import HOST, Checked
@@ -57,13 +57,15 @@ class GraphPage:
         """Show a tick of `episode`, an object with the fields of `Episode`; `drawn`: see `drawn_parameters`."""
         of = (episode.episode, episode.seed, drawn, output.quantities, output.barrier_names)
         if self._maker is None or of != self._of:
+            seconds = float(episode.tick_seconds)
+            drawn = {**drawn, "tick_seconds": seconds}
             self._of, self._maker = of, RowMaker(drawn, output.quantities, output.barrier_names)
             walker = f"policy {output.policy_version}" if output.policy_version else episode.controller
             about = {
                 "mode": "graph",
                 "title": f"episode {episode.episode}, seed {episode.seed}",
                 "stones": episode.stones or None,
-                "tick_seconds": TICK_SECONDS,
+                "tick_seconds": seconds,
                 "walkers": [self._maker.about(walker)],
                 "control": self._control,
             }

@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import ValidationError
 from rabbit_common.guard import guarded
 from rabbit_description.bounded_file import exists
-from rabbit_description.state import TICK_SECONDS, StonePreview
+from rabbit_description.state import StonePreview
 from rabbit_experiments.walk_records import ARRAYS, RECORDING, RECORDS, SEEN, WalkRecords
 from rabbit_recording.explaining import explain_tick
 
@@ -84,7 +84,7 @@ def fill(broadcast: Broadcast, walk: WalkRecords, name: str, explains: bool = Fa
     about: dict[str, Any] = {
         "mode": "recording",
         "title": str(walk.about.get("title", name)),
-        "tick_seconds": TICK_SECONDS,
+        "tick_seconds": walk.tick_seconds,
     }
     walker = maker.about(str(walk.about.get("controller", name)))
     about |= {"explains": True} if explains else {}

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 from cbf_clf_qp.constraints import ResClf
-from rabbit_description.force_ratio import IMPACT_TICKS, force_ratio
+from rabbit_description.force_ratio import force_ratio, impact_ticks
 from rabbit_description.state import ACTUATED, JOINTS, TICK_SECONDS, Array, Leg
 
 from rabbit_viewer.geometry import STRAIGHT, Links, leg_points, links_of, torso_points
@@ -54,7 +54,8 @@ class RowMaker:
         self._barriers = list(barriers)
         self._links = links_of(about)
         self._limits = tuple(float(about.get(name, math.nan)) for name in ("torque_limit", "friction_coeff"))
-        self._decay = clf_decay(about)
+        self._decay, self._tick_seconds = clf_decay(about), float(about.get("tick_seconds", TICK_SECONDS))
+        self._impact_ticks = impact_ticks(self._tick_seconds)
         # of the ticks before
         self._step = self._touchdowns = -1
         self._start = (0, math.nan)  # of the step: tick, V
@@ -78,7 +79,7 @@ class RowMaker:
         self._begin_step(state, output, float(foot[0]))
         force = state.foot_force[output.stance]
         ratio = float(force_ratio(force))
-        bound = self._start[1] * float(np.exp(-self._decay * (state.tick - self._start[0]) * TICK_SECONDS))
+        bound = self._start[1] * float(np.exp(-self._decay * (state.tick - self._start[0]) * self._tick_seconds))
         events |= self._events(state.tick, output, ratio)
         return [
             *(float(state.tick), 1.0, float(events)),
@@ -103,7 +104,7 @@ class RowMaker:
 
     def _events(self, tick: int, output: Any, ratio: float) -> int:
         limit, cone = self._limits
-        is_over = ratio > cone and tick - self._start[0] >= IMPACT_TICKS
+        is_over = ratio > cone and tick - self._start[0] >= self._impact_ticks
         is_saturated = bool(np.abs(output.torque).max() > limit - ROUNDING)
         return EVENTS["saturated"] * is_saturated | EVENTS["over_cone"] * is_over
 

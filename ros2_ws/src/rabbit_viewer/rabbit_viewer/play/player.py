@@ -3,7 +3,6 @@
 from typing import Any
 
 from rabbit_description.gait import GaitError
-from rabbit_description.state import TICK_SECONDS
 from rabbit_experiments.assembly import AssemblyError
 from rabbit_experiments.walk_records import RecordsError
 from rabbit_recording import RecordingError
@@ -33,14 +32,13 @@ from rabbit_viewer.play.walker import Walker
 class Player(playing.Playing):
     """Of a walk, see `Playing`."""
 
-    tick_seconds = TICK_SECONDS
     unusable = (GaitError, CourseError, PolicyFileError, AssemblyError, RecordsError, RecordingError)
     model = PlaySettings
     walkers: list[Walker | RecordedWalker]
 
     def __init__(self, start: Start, send: playing.Send) -> None:
         """Raises `PlayError`."""
-        self._start = start
+        self._start, self.tick_seconds = start, start.plant.tick_seconds
         self._learned = "zero" if start.learns else SHIPPED
         try:
             super().__init__(start.settings, send)

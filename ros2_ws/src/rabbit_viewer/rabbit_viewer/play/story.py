@@ -78,7 +78,9 @@ def next_things(settings: PlaySettings) -> list[dict[str, Any]]:
     return [WHY, other, PUSH]
 
 
-def why_it_fell(name: str, outcome: str, kept: Sequence[Kept], landings: Sequence[Landing]) -> dict[str, Any]:
+def why_it_fell(
+    name: str, outcome: str, kept: Sequence[Kept], landings: Sequence[Landing], tick_seconds: float = TICK_SECONDS
+) -> dict[str, Any]:
     """Which row was not kept, in words (`reason`), and the `tick` in which the model was furthest from the robot.
 
     The row: B1 or B2 where the foot came down off its stone, C1 where both feet left the ground, else the CLF's. By the
@@ -113,7 +115,7 @@ def why_it_fell(name: str, outcome: str, kept: Sequence[Kept], landings: Sequenc
         said = f"V, how far it is from its gait, was to fall by {was}; it {'rose' if did > 0 else 'fell only'} by {now}"
     side = "past the far edge" if row == "B1" else "short of the near edge"
     cause = f": its foot came down {off * 1000:.0f} mm {side} of stone {walked + 1}" if missed else ""
-    when = f"at {tick.output.tick * TICK_SECONDS:.2f} s"
+    when = f"at {tick.output.tick * tick_seconds:.2f} s"
     told = f"{where}{cause}. It could not keep the row {row}, “{meaning}”: {when} {said}."
     return {"reason": told, "tick": tick.output.tick}
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from cbf_clf_qp.estimates import Estimates
 from rabbit_description.state import JOINTS
+from rabbit_description.tick import ticks_in
 from rabbit_experiments.assembly import Assembly, resolve_policy
 from rabbit_experiments.walk_records import WalkRecords, about_walk, plant_in_words
 from rabbit_recording.explaining import ExplainedTick
@@ -75,8 +76,9 @@ class Walker:
     @property
     def ended(self) -> dict[str, Any]:
         """How it ended, for the page: outcome, empty while it walks; stones walked so far; why it fell, if it did."""
+        seconds = self._assembly.simulation.tick_seconds
         fell = self.outcome not in ("", Outcome.WALKED.value)
-        why = why_it_fell(self.name, self.outcome, list(self._kept), self._simulation.landings) if fell else {}
+        why = why_it_fell(self.name, self.outcome, list(self._kept), self._simulation.landings, seconds) if fell else {}
         return {"outcome": self.outcome, "stones": self._state.touchdowns, **why}
 
     @property
@@ -94,7 +96,12 @@ class Walker:
             first, last = (self._kept[i].output.tick if self._kept else 0 for i in (0, -1))
             raise ValueError(f"tick {tick} of {self.name}: expected one from {first} to {last}, which are kept")
         *before, now = [(Record(kept.state, kept.output), self._explained(kept)) for kept in found]
-        return ExplainedTick(f"robot {self.name}", *now, before[0] if before else None).lines()
+        return ExplainedTick(
+            f"robot {self.name}",
+            *now,
+            before[0] if before else None,
+            tick_seconds=self._assembly.simulation.tick_seconds,
+        ).lines()
 
     def _explained(self, kept: Kept) -> Explanation:
         return explain(self._controller.qp, kept.scene.x, kept.scene.p, kept.estimates, kept.decided)
@@ -107,7 +114,7 @@ class Walker:
         """Push the torso; raises `ValueError` where the plant cannot be pushed."""
         if not self.outcome:
             self._simulation.push(force, seconds)
-            self._pushed_until = self._state.tick + round(seconds * 100)
+            self._pushed_until = self._state.tick + ticks_in(seconds, self._assembly.simulation.tick_seconds)
 
     def may_become(self, name: str) -> bool:
         """Whether it can walk on with that controller, or needs a reset."""
@@ -168,7 +175,7 @@ class Walker:
     def _sink(self) -> None:
         """A tick of the plant that nobody judges any more, until the robot lies on the ground."""
         top = self.row[self._maker.columns.index("stone_top")]
-        self._fall = self._fall or fall_limp(self._simulation.plant, top)
+        self._fall = self._fall or fall_limp(self._simulation.plant, top, self._assembly.simulation.tick_seconds)
         if (reading := next(self._fall, None)) is None:
             self.outcome = self.fault
             return

@@ -62,7 +62,7 @@ class ControllerNode(SimulatorFollower):
         self._controller = Controller(self._settings, self._gait, self._policies.in_force.policy)
         self._controller.rehearse()
         self.close = self._policies.close
-        self._ticks = TickIntake()
+        self._ticks = TickIntake(self._settings.tick_seconds)
         self._answer = msg.TorqueCommand(sender=self._sender)  # the newest
         self._torques = self.create_publisher(msg.TorqueCommand, "torque", TICK)
         self._details = self.create_publisher(msg.ControllerState, "controller_state", TICK)

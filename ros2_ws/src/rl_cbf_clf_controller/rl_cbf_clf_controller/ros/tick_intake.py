@@ -32,7 +32,8 @@ class TickIntake:
     `turn`: episode and tick of the newest state; `episode`: the newest announcement.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, tick_seconds: float = TICK_SECONDS) -> None:
+        self._tick_seconds = tick_seconds
         self.episode = Episode(sigma=math.nan)
         self.early: StateMessage | None = None
         self._announcements = Announcements()
@@ -57,7 +58,7 @@ class TickIntake:
             self.early = message
             return None
         begins = self.turn[0] < message.episode == announced
-        fault = other_tick(self.episode, TICK_SECONDS) if begins and message.running else ""
+        fault = other_tick(self.episode, self._tick_seconds) if begins and message.running else ""
         if begins and message.running and message.tick > 0:
             fault = f"the controller came in at tick {message.tick}, in the middle of the episode"
         if not fault:

@@ -1,0 +1,182 @@
+"""The tick's length is a parameter: what is said of times holds at every rate, and two rates do not mix."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+from rabbit_common.ros.conversions import header
+from rabbit_description.gait import load_gaits
+from rabbit_description.state import DOF, RobotState, StonePreview
+from rabbit_estimator.parameters import EstimatorParameters
+from rabbit_experiments.assembly import Assembly, AssemblyError
+from rabbit_sim.actuation import Actuation
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.perturbation import Memory
+from rabbit_sim.perturbations.encoders import FilteredRates
+from rabbit_sim.perturbations.pushes import Pushes
+from rabbit_sim.perturbations.wind import Wind
+from rl_cbf_clf_controller.controller import Controller
+from rl_cbf_clf_controller.fitted_policy import fitted
+from rl_cbf_clf_controller.identification import WINDOW, window
+from rl_cbf_clf_controller.l1_adaptation import L1Adaptation
+from rl_cbf_clf_controller.parameters import ControllerParameters, load_parameters
+from rl_cbf_clf_controller.policy import ZeroPolicy
+from rl_cbf_clf_controller.weights import PolicyFile, PolicyFileError, policy_path, read
+from rl_trainer.parameters import TrainingParameters
+from rl_trainer.rollout import Record, rollout
+
+TICKS = (0.01, 0.005, 0.002, 0.001)  # s
+FAST = ControllerParameters(controller="rl-cbf-clf-qp", tick_seconds=0.005)
+
+
+def state(q: Any, dq: Any) -> RobotState:
+    return RobotState(0, np.array(q), np.array(dq), np.zeros((2, 2)), np.zeros(2, dtype=bool), 0, None)
+
+
+@pytest.mark.parametrize("model", [SimulationParameters, ControllerParameters, TrainingParameters, EstimatorParameters])
+@pytest.mark.parametrize(("wrong", "words"), [(0.0015, "a multiple of 0.001 s"), (0.02, "0.01"), (5e-4, "0.001")])
+def test_what_is_no_tick_is_refused_at_the_door(model: Any, wrong: float, words: str) -> None:
+    with pytest.raises(ValidationError, match=words):
+        model(tick_seconds=wrong)
+
+
+def test_a_rate_in_hertz_gives_whole_milliseconds() -> None:
+    assert [ControllerParameters(tick_seconds=1 / hertz).tick_seconds for hertz in (100, 200, 500, 1000)] == [*TICKS]
+
+
+def test_controller_and_plant_have_one_tick() -> None:
+    with pytest.raises(AssemblyError, match=r"0\.01 of the plant: expected the controller's, 0\.005"):
+        Assembly(SimulationParameters(), FAST, "zero")
+
+
+def test_a_policy_of_another_rate_is_refused() -> None:
+    file, gait = read(policy_path("rl-cbf-clf-qp")), load_gaits(FAST.gait)
+    assert file.metadata.trained_tick == 0.01
+    with pytest.raises(PolicyFileError, match=r"trained with tick_seconds = 0\.01; this controller has 0\.005"):
+        fitted(file, FAST, gait)
+    faster = PolicyFile(file.metadata.model_copy(update={"tick_seconds": 0.005}), file.arrays)
+    assert fitted(faster, FAST, gait).version != file.version
+    with pytest.raises(PolicyFileError, match=r"trained with tick_seconds = 0\.005; this controller has 0\.01"):
+        fitted(faster, ControllerParameters(controller="rl-cbf-clf-qp"), gait)
+
+
+def test_stamps_say_the_time_at_every_rate() -> None:
+    stamps = [header(round(1.5 / tick), tick).stamp for tick in TICKS]
+    assert [(stamp.sec, stamp.nanosec) for stamp in stamps] == [(1, 500_000_000)] * 4
+
+
+@pytest.mark.parametrize("tick", TICKS)
+@pytest.mark.parametrize(
+    "motors", [{"motor_lag": 0.008}, {"torque_delay": 0.013}, {"torque_rate": 4000.0}, {"motor_frequency": 20.0}]
+)
+def test_motors_do_not_know_the_rate(motors: dict[str, float], tick: float) -> None:
+    """Under a command that changes every 10 ms."""
+    rng = np.random.default_rng(2)
+    commands = rng.uniform(-50, 50, (6, 4))
+
+    def given(tick: float) -> Any:
+        actuation, times = Actuation(SimulationParameters(tick_seconds=tick, **motors)), round(0.01 / tick)
+        return np.concatenate([actuation.advance(each) for each in np.repeat(commands, times, axis=0)])
+
+    np.testing.assert_allclose(given(tick), given(0.01), rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("tick", TICKS)
+def test_a_filter_of_rates_comes_as_far_in_the_same_time(tick: float) -> None:
+    seen, memory = FilteredRates(rate_lag=0.02), Memory(parameters=SimulationParameters(tick_seconds=tick))
+    seen.begin(memory)
+    seen.measure(memory, state(np.zeros(DOF), np.zeros(DOF)), None)  # type: ignore[arg-type]
+    for _ in range(round(0.03 / tick)):
+        now = state(np.zeros(DOF), np.ones(DOF))
+        seen.measure(memory, now, None)  # type: ignore[arg-type]
+    np.testing.assert_allclose(now.dq[3:], 1 - np.exp(-0.03 / 0.02), rtol=1e-12)
+
+
+@pytest.mark.parametrize("tick", [*TICKS, 0.003, 0.007])
+def test_a_push_has_its_impulse_at_every_rate(tick: float) -> None:
+    pushes, memory = Pushes(push=12.0, push_interval=0.5), Memory(parameters=SimulationParameters(tick_seconds=tick))
+    forces = np.concatenate([pushes.force(memory, number) for number in range(round(0.9 / tick))])
+    assert abs(forces.sum()) * 0.001 == pytest.approx(12.0)
+
+
+@pytest.mark.parametrize("tick", [0.01, 0.002])
+def test_gusts_fade_by_time(tick: float) -> None:
+    """After 0.1 s their correlation is exp(-0.1 / T)."""
+    wind = Wind(gusts=10.0, gust_seconds=0.2)
+    memory = Memory(rng=np.random.default_rng(5), parameters=SimulationParameters(tick_seconds=tick))
+    wind.begin(memory)
+    found = np.array([wind.force(memory, number)[0] for number in range(round(400 / tick))])
+    later = round(0.1 / tick)
+    assert np.corrcoef(found[:-later], found[later:])[0, 1] == pytest.approx(np.exp(-0.5), abs=0.05)
+
+
+@pytest.mark.parametrize("tick", TICKS)
+def test_the_filter_of_l1_comes_as_far_in_the_same_time(tick: float) -> None:
+    """Under a constant defect."""
+    adaptation = L1Adaptation(ControllerParameters(controller="l1-clf-qp", l1_cutoff=30.0, tick_seconds=tick))
+    for _ in range(round(0.04 / tick)):
+        adaptation._adapt(np.array([np.zeros(4), np.full(4, -7.0)]), 0.0)
+    np.testing.assert_allclose(adaptation._state[-1], 7.0 * (1 - np.exp(-30 * 0.04)), rtol=1e-9)
+
+
+def test_the_identification_has_windows_of_10_ms() -> None:
+    assert [window(tick) for tick in TICKS] == pytest.approx([WINDOW] * 4, rel=1e-12)
+    assert all(abs(window(tick) - WINDOW) <= tick / 2 for tick in 1e-3 * np.arange(1, 11))
+
+
+def test_the_means_over_a_tick_are_those_of_the_motion() -> None:
+    """About one moment of a smooth motion they differ by the square of the tick alone; V-dot, which is that with V's
+    gradient as the tick begins, by the tick."""
+    moment, preview = 0.1, StonePreview(1, 0.32, 0.38)
+    rng = np.random.default_rng(4)
+    gait = load_gaits("stones_0350_084")
+    records: list[Record] = []
+    walk = Assembly(SimulationParameters(plant="rigid", stones=1), ControllerParameters(), "zero").build()
+    rollout(*walk, 3, records.append)
+    start = records[len(records) // 2].state  # in the middle of a step
+    q, dq, wave, rate = start.q, start.dq, rng.uniform(-0.01, 0.01, DOF), rng.uniform(5, 15, DOF)
+
+    def at(number: int, time: float) -> RobotState:
+        moved, speed = wave * np.sin(rate * time), wave * rate * np.cos(rate * time)
+        force = np.array([[10.0, 300.0], [0.0, 0.0]])
+        contact = np.array([True, False])
+        return RobotState(number, q + dq * (time - moment) + moved, dq + speed, force, contact, 0, preview)
+
+    found = []
+    for tick in (0.01, 0.005, 0.001):
+        parameters = ControllerParameters(controller="cbf-clf-qp", gait="stones_0350_084", tick_seconds=tick)
+        controller = Controller(parameters, gait, ZeroPolicy(parameters.problem))
+        controller.reset(1)
+        controller.step(at(0, moment - tick / 2))
+        found.append(controller.step(at(1, moment + tick / 2)).measured[:3])  # V, B1, B2
+    coarse, fine, finest = found
+    assert np.isfinite(coarse).all()
+    for rows, order in (([1, 2], 2), ([0], 1)):
+        share = (1 - 0.1**order) / (1 - 0.5**order)  # of these errors' differences
+        np.testing.assert_allclose((coarse - finest)[rows], share * (coarse - fine)[rows], rtol=0.1)
+    np.testing.assert_allclose(coarse[1:], finest[1:], rtol=0.01)
+
+
+@pytest.mark.parametrize("tick", [0.01, 0.002])
+def test_the_robot_is_identified_at_every_rate(tick: float) -> None:
+    """It walks, and its mass is found, without an engine's contacts in between."""
+    plant = SimulationParameters(plant="rigid", mass_scale=1.5, stones=4, stop_at_miss=False, tick_seconds=tick)
+    best = load_parameters("best", tick_seconds=tick)
+    records: list[Record] = []
+    simulation, controller = Assembly(plant, best, "zero").build()
+    last = rollout(simulation, controller, 7, records.append)
+    assert last.touchdowns == 4
+    found, nominal = records[-1].output.identified, records[0].output.identified
+    masses = [0, 4, 8]  # of torso, thighs and shins
+    share = (found[masses] * [1, 2, 2]).sum() / (nominal[masses] * [1, 2, 2]).sum()
+    assert share == pytest.approx(1.5, rel=0.05)
+    assert last.tick * tick == pytest.approx(1.6, abs=0.5)  # s
+
+
+def test_rabbit_walks_at_1_khz() -> None:
+    plant = SimulationParameters(plant="mujoco", mass_scale=2.0, motor_lag=0.004, stones=5, tick_seconds=0.001)
+    simulation, controller = Assembly(plant, load_parameters("best", tick_seconds=0.001), "zero").build()
+    last = rollout(simulation, controller, 3)
+    assert (last.touchdowns, simulation.outcome.value) == (5, "walked")
+    assert last.tick > 1000
