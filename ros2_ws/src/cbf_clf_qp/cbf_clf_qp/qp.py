@@ -18,7 +18,6 @@ slacks back in their own units.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -57,15 +56,6 @@ class Layout:
         """Which rows have no slack, by number."""
         numbers: list[int] = np.flatnonzero(~self.of_slacks.any(axis=1)).tolist()
         return numbers
-
-    @cached_property
-    def _kinds(self) -> Array:
-        return np.array([~self.rescues, self.rescues], dtype=float)
-
-    def slack_sums(self, slack: Array) -> list[float]:
-        """Of the slacks (k,) of an answer: of rows that are soft, and of those with a slack of last resort."""
-        sums: list[float] = (self._kinds @ slack).tolist()
-        return sums
 
     @property
     def of_A(self) -> ca.Sparsity:
@@ -113,7 +103,7 @@ def reading(data: dict[str, ca.SX], x: ca.SX, y: ca.SX, layout: Layout) -> dict[
     ask of rows and multipliers; over 1 + |x|, and of a row over the distance between its bounds where that is smaller.
     At least what `broken` says of the hard rows; inf where the data are not valid. `margin` (k,): to a row's nearer
     bound, over the row's norm; `row_margin`: in the row's own units. `multiplier` (k,): by how much the minimum falls
-    as the bound is moved, per unit of the row.
+    as the bound is moved, per unit of the row. `slack_sums` (2,): of soft rows, and of those with a slack of last resort.
     """
     A, lower, upper, size = ca.project(data["A"], layout.of_A), data["lower"], data["upper"], 1 + ca.norm_2(x)
     value, gradient = A @ x, 2 * x + data["q"] + A.T @ y
@@ -123,12 +113,15 @@ def reading(data: dict[str, ca.SX], x: ca.SX, y: ca.SX, layout: Layout) -> dict[
     residual = ca.fmax(residual, broken(value, lower, upper, layout))
     rooted, slacks = ca.vertsplit(x, [0, layout.inputs, x.numel()])
     mu, slack = data["unroot"] @ rooted, data["slack_scale"] * (layout.of_slacks @ slacks)
+    slack = ca.if_else(slack < ROUNDING, 0, slack)
+    is_rescue = ca.DM(layout.rescues)
     return {
         "residual": ca.if_else(data["is_valid"], residual, ca.inf),
         **{name: data[name] for name in ("is_valid", "control_a", "control_b")},
         "mu": mu,
         "u": data["control_a"] @ mu + data["control_b"],
-        "slack": ca.if_else(slack < ROUNDING, 0, slack),
+        "slack": slack,
+        "slack_sums": ca.vertcat(ca.dot(1 - is_rescue, slack), ca.dot(is_rescue, slack)),
         "margin": (margin := ca.fmin(upper - value, value - lower)),
         "row_margin": data["row_scale"] * margin,
         "multiplier": y / data["row_scale"],

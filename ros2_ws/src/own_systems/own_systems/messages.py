@@ -64,7 +64,7 @@ def controller_fields(task: ControlTask, moment: Moment, version: str) -> dict[s
     has_clf, rows = "V" in task.tick.names, decided.values
     eta = seen.eta if has_clf else NOTHING
     values = np.concatenate([seen.V, values]) if has_clf else values
-    clf_slack, rescue_slack = decided.layout.slack_sums(rows.slack)
+    clf_slack, rescue_slack = rows.slack_sums.tolist()
     return fields | {
         "objective": "paper" if task.objective is None else "own",
         "phase": np.nan,

@@ -145,5 +145,5 @@ def title_of_tick(ride: Ride, tick: int) -> str:
 def worst_tick(ride: Ride) -> int:
     """The one whose slacks of last resort are largest in all."""
     decided = [moment.decided for moment in ride.moments]
-    sums = [each.layout.slack_sums(each.values.slack)[1] if each else -1.0 for each in decided]
+    sums = [each.values.slack_sums[1] if each else -1.0 for each in decided]
     return int(np.nan_to_num(sums, nan=-1.0).argmax())

@@ -24,7 +24,7 @@ from rl_trainer.rollout import Record
 from rabbit_experiments.walk_records import RESCUE_NEEDED
 
 SLACK_USED = 1e-3  # least d that counts, in its row's unit: whether d is less or 0 depends on the processor's rounding
-NUMBERS = 9  # of a tick, before its torque, eta and what its barriers promise
+NUMBERS = 9  # of a tick, before its torque and eta
 ROWS = ("CLF", "B1", "B2", "C1", "C2", "u")  # of the QP, both cone rows as C2 and all saturation rows as u
 
 
@@ -135,9 +135,9 @@ class RunTally:
         self.run, self._foot_force = run, foot_force
         self.fault, self._impact_ticks = "", impact_ticks(parameters.tick_seconds)
         self._friction_coeff, self._pole = parameters.friction_coeff, parameters.barrier_pole_1
-        self._rows: list[Array] = []
+        self._rows: list[list[float]] = []
         self._active: list[tuple[str, ...]] = []
-        self._least_barriers: dict[str, float] = {}
+        self._barriers: list[tuple[tuple[str, ...], list[float], list[float]]] = []  # names, B, B-dot
 
     @property
     def ticks(self) -> int:
@@ -148,14 +148,17 @@ class RunTally:
         """Take in a tick."""
         output = record.output
         self.fault = output.fault
-        at, force = (output.tick, output.step_index), self._foot_force()[output.stance]
+        force = self._foot_force()[output.stance].tolist()
         numbers = output.V, output.clf_slack, output.rescue_slack, output.answered, output.saturated
-        named = dict(zip(output.barrier_names, output.barriers.tolist(), strict=True))
-        self._least_barriers = least_by_name((self._least_barriers, named))
-        starts = dict(zip(named, output.barrier_rates + self._pole * output.barriers, strict=True))
-        promised = [starts.get(name, np.nan) for name in STONE_BARRIERS]
-        self._rows.append(np.concatenate([at, force, numbers, output.torque, output.eta, promised]))
+        arrays = output.torque.tolist() + output.eta.tolist()
+        self._rows.append([output.tick, output.step_index, *force, *numbers, *arrays])
         self._active.append(output.active)
+        self._barriers.append((output.barrier_names, output.barriers.tolist(), output.barrier_rates.tolist()))
+
+    def _is_outside(self, tick: int) -> bool:
+        """Of the set from which an ECBF keeps a stone's barriers: outside it promises nothing."""
+        of_all = zip(*self._barriers[tick], strict=True)
+        return any(rate + self._pole * B < 0 for name, B, rate in of_all if name in STONE_BARRIERS)
 
     def result(
         self,
@@ -167,15 +170,15 @@ class RunTally:
         walk_seconds: float = 0.0,
     ) -> RunResult:
         """The run in figures, once it is over; seconds that each controller and plant tick took, and the whole walk."""
-        rows = np.reshape(self._rows, (-1, NUMBERS + 3 * JOINTS + len(STONE_BARRIERS)))
+        rows = np.reshape(self._rows, (-1, NUMBERS + 3 * JOINTS))
         tick, step, tangential, normal, V, slack, rescue, answered, saturated = rows[:, :NUMBERS].T
-        torque, eta, promised = np.split(rows[:, NUMBERS:], [JOINTS, 3 * JOINTS], axis=1)
+        torque, eta = np.split(rows[:, NUMBERS:], [JOINTS], axis=1)
         starts = np.diff(step, prepend=-1) != 0
         age = tick - tick[starts][np.cumsum(starts) - 1]
         ratio = np.nan_to_num(force_ratio(np.stack([tangential, normal], axis=1)))
         measured, at_impact = tick > 0, age < self._impact_ticks  # at tick 0 there is no force yet
         over, lost, late = measured & (ratio > self._friction_coeff), measured & (normal <= 0), measured & ~at_impact
-        outside = starts & (promised < 0).any(axis=1)  # from there an ECBF promises nothing
+        outside = [self._is_outside(place) for place in starts.nonzero()[0].tolist()]
         active, steps = Counter[str](), set[float]()
         for names, at in zip(self._active, step, strict=True):
             bounds = {name if name in ROWS else name[: 1 if name[0] == "u" else 2] for name in names}
@@ -211,7 +214,7 @@ class RunTally:
             steps=int(step[-1]) + 1 if self.ticks else 0,
             ticks=self.ticks,
             worst_margin=min((min(step.l - step.l_min, step.l_max - step.l) for step in landings), default=np.nan),
-            least_barriers=self._least_barriers,
+            least_barriers=least_by_name(dict(zip(names, B, strict=True)) for names, B, _ in self._barriers),
             max_force_ratio=ratio[late].max(initial=0.0),
             min_normal_force=normal[late].min() if late.any() else np.nan,
             barrier_active_steps=len(steps),

@@ -148,4 +148,4 @@ def test_the_estimator_is_told_of_the_sensors_and_of_nothing_else_of_the_plant()
     """What both have under one name is handed over; the radius of a rolling foot would be the truth."""
     shared = EstimatorParameters.model_fields.keys() & SimulationParameters.model_fields.keys()
     assert "gyro_noise" in shared
-    assert shared <= Laboratory.model_fields.keys() | {"encoder_resolution"}
+    assert shared <= Laboratory.model_fields.keys() | {"encoder_resolution", "tick_seconds"}

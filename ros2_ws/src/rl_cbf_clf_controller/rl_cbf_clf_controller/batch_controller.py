@@ -86,7 +86,6 @@ class BatchOutput:
         self,
         one: ControllerParts,
         report: Array,
-        reading: Array,
         policies: list[Policy],
         omega: Array,
         answered: tuple[list[str], list[str], float],
@@ -94,7 +93,7 @@ class BatchOutput:
         is_sound: bool,
         parts: list[Estimates] | None = None,
     ) -> None:
-        self._one, self._report, self._reading, self._policies, self.omega = one, report, reading, policies, omega
+        self._one, self._report, self._policies, self.omega = one, report, policies, omega
         self._answered, self.errors, self._parts = answered, errors, parts
         self.torque = report[:, one.places["command"]]
         self.faults = {} if is_sound else self._faults()
@@ -115,12 +114,11 @@ class BatchOutput:
         arrays["nominal_a"] = arrays["nominal_a"].reshape(at.alpha)
         solver, status, seconds = self._answered
         layout, margins = one.qp.layout, row[at.margin].tolist()
-        clf_slack, rescue_slack = layout.slack_sums(arrays["slacks"])
-        index, stance, step_time, phase, V, solved = (row.item(place) for place in at.scalars)
+        tick, index, stance, step_time, phase, V, solved, clf_slack, rescue_slack = row[at.scalars].tolist()
         return ControllerOutput(
             **arrays,
             **vars(self.act(i)),
-            tick=int(self._reading[i, 0]),
+            tick=int(tick),
             stance=LEGS[int(stance)],
             step_index=int(index),
             step_time=step_time,
@@ -150,7 +148,7 @@ class BatchOutput:
     @cached_property
     def scene(self) -> BatchScene:
         """What was seen."""
-        return scene_of(self._one, self._report, self._reading, self.errors)
+        return scene_of(self._one, self._report, self.errors)
 
     @cached_property
     def decided(self) -> Decided:
@@ -173,14 +171,14 @@ class BatchOutput:
         return self._report[:, self._one.places[name]]
 
     def _faults(self) -> dict[int, str]:
-        touchdowns, found = self._reading[:, 1], dict[int, str]()
+        found = dict[int, str]()
         for i in self._part("fault")[:, 0].nonzero()[0].tolist():
             kind = int(self._part("fault")[i, 0])
             if i in self.errors:
                 continue
             if kind == DISAGREEMENT:
-                steps = self._part("index")[i].item()
-                found[i] = f"contact disagreement: {touchdowns[i]:g} touchdowns, {steps:g} steps"
+                touchdowns, steps = (self._part(name)[i].item() for name in ("touchdowns", "index"))
+                found[i] = f"contact disagreement: {touchdowns:g} touchdowns, {steps:g} steps"
             elif kind == UNSOLVED:
                 found[i] = f"no solver answered: {self._answered[1][i]}"
             else:
@@ -200,18 +198,18 @@ def estimated(one: ControllerParts, report: Array) -> list[Estimates]:
     return parts
 
 
-def scene_of(one: ControllerParts, rows: Array, reading: Array, errors: dict[int, str]) -> BatchScene:
-    """Of rows that begin with those of a scene; `reading`: tick and touchdowns, (N, 2)."""
-    tick, touchdowns = reading.T
+def scene_of(one: ControllerParts, rows: Array, errors: dict[int, str]) -> BatchScene:
+    """Of rows that begin with those of a scene."""
     part = {name: rows[:, place] for name, (place, _) in one.functions.scene.places.items()}
     index, seen = part["index"][:, 0].astype(int), one.functions.seen.values(part["seen"])
+    touchdowns = part["touchdowns"][:, 0]
     wrong = [i for i in (touchdowns != index).nonzero()[0].tolist() if i not in errors]
     return BatchScene(
         x=part["x"],
         seen=seen,
         force=part["force"].reshape(-1, 2, 2),
         observation=seen.observation[:, : one.observed],
-        tick=tick.astype(int),
+        tick=part["tick"][:, 0].astype(int),
         torque=part["torque"],
         stance=part["stance"][:, 0].astype(int),
         step_index=index,
@@ -251,7 +249,6 @@ class BatchController:
         self._force = given["foot_force"].reshape(n, 2, 2)
         self._tick, self._touchdowns = (given[name][:, 0] for name in ("tick", "touchdowns"))
         self._previews = list[Any]([()] * n)  # whose numbers are in the rows
-        self._counts = slice(f.reading.places["tick"][0].start, f.reading.places["touchdowns"][0].stop)
         self._is_sound, self._to_memory = self._one.places["is_sound"].start, self._one.places["memory"]
         self._silence, self._is_silent = np.zeros((n, JOINTS)), True
         self._path = f.memory.places
@@ -316,16 +313,20 @@ class BatchController:
             report = np.concatenate([rows.look.row, acted], axis=1)
             is_sound = 0.0 not in report[:, self._is_sound].tolist()
         errors = {} if is_sound else self._errors(states, report[:, self._one.places["refused"]][:, 0])
-        known = slice(None) if is_sound else [i for i in range(n) if i not in errors]
-        rows.memory[known] = report[known, self._to_memory]
-        answered, reading = (solver, status, (perf_counter() - start) / n), rows.reading[:, self._counts].copy()
-        return BatchOutput(self._one, report, reading, self.policies[:], omega, answered, errors, is_sound, parts)
+        memory = report[:, self._to_memory]
+        if errors:
+            known = [i for i in range(n) if i not in errors]
+            rows.memory[known] = memory[known]
+        else:
+            rows.memory[...] = memory
+        answered = solver, status, (perf_counter() - start) / n
+        return BatchOutput(self._one, report, self.policies[:], omega, answered, errors, is_sound, parts)
 
     def _only_policy(self) -> LearnedPolicy | None:
         """That of all robots, where it needs nothing but the observation and always gives an output error."""
         policy = self.policies[0]
         if isinstance(policy, LearnedPolicy) and (type(policy) is ZeroPolicy or policy.is_structured):
-            return policy if all(each is policy for each in self.policies) else None
+            return policy if self.policies == [policy] * self._n else None
         return None
 
     def _learned(self, policy: LearnedPolicy, seen: Array) -> list[Estimates]:
@@ -372,7 +373,7 @@ class BatchController:
         if is_kept:
             self._keep(seen, stood, [i for i in range(self._n) if i not in errors])
         self._seen = seen
-        return scene_of(self._one, seen, rows.reading[:, self._counts].copy(), errors)
+        return scene_of(self._one, seen, errors)
 
     def _read(self, states: "RobotStates | RobotState") -> None:
         """Into the rows."""
@@ -417,8 +418,8 @@ class BatchController:
         known = [i for i in range(n) if i not in scene.errors]
         rows.memory[known] = acted[known, f.acted.places["memory"][0]]
         answered = solver, status, (perf_counter() - start) / n
-        report, reading = np.concatenate([self._seen, acted], axis=1), rows.reading[:, self._counts].copy()
-        output = BatchOutput(self._one, report, reading, self.policies[:], omega, answered, scene.errors, False, parts)
+        report = np.concatenate([self._seen, acted], axis=1)
+        output = BatchOutput(self._one, report, self.policies[:], omega, answered, scene.errors, False, parts)
         scene.faults |= output.faults
         return output
 

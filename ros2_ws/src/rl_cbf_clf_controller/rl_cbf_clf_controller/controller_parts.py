@@ -89,8 +89,9 @@ class OutputPlaces:
             self.identified = {"identified": at["identified"], "adapted": slice(alpha.start, error.stop)}
             self.identified |= {"alpha": alpha, "beta": beta}
         self.margin = answer["margin"]
-        numbers = at["index"], at["stance"], at["step_time"], seen["phase"], seen["V"], at["solved"]
-        self.scalars = [place.start for place in numbers]
+        numbers = at["tick"], at["index"], at["stance"], at["step_time"], seen["phase"], seen["V"], at["solved"]
+        sums = answer["slack_sums"].start
+        self.scalars = [*(place.start for place in numbers), sums, sums + 1]
 
 
 def shifted(place: slice, within: slice) -> slice:

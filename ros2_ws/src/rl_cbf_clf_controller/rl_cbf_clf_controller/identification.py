@@ -41,7 +41,7 @@ from rabbit_description.planar_urdf import BASE, SLIDES
 from rabbit_description.state import DOF, TICK_SECONDS, Array
 from rabbit_description.tick import ticks_in
 
-from rl_cbf_clf_controller.least_squares import updated, within
+from rl_cbf_clf_controller.least_squares import from_upper, updated, upper, within
 from rl_cbf_clf_controller.planar_robot import INERTIAL, PinnedRobot, robot_parameters
 from rl_cbf_clf_controller.robot_numbers import GRAVITY, RobotNumbers
 
@@ -81,12 +81,13 @@ def unknown(robot: RobotNumbers) -> dict[str, Array]:
     """What is known of a `robot` before it moves: its own links, ideal motors, and the prior.
 
     `value` (15,), as in `IDENTIFIED`; `base` (12,), theta as the base's rows say; `doubts` (2,), how much all rows and
-    the base's leave unexplained. `fit`, `base_fit`: what the least squares say. `regressor`, `measured`: both sides,
-    filtered; `share`: of the next tick in them.
+    the base's leave unexplained. `fit`, `base_fit`: what the least squares say; of their `covariance` the upper
+    triangle. `regressor`, `measured`: both sides, filtered; `share`: of the next tick in them.
     """
     value, prior = np.concatenate([robot.theta, [0.0, 1.0, 0.0]]), prior_covariance(robot.theta)
-    of_base = {"base": robot.theta, "base_fit": robot.theta, "base_covariance": prior[THETA, THETA]}
-    known = {"value": value, "fit": value, "covariance": prior, **of_base, "doubts": np.zeros(2)}
+    half, of_theta = (each[np.tril_indices(len(each))] for each in (prior, prior[THETA, THETA]))
+    of_base = {"base": robot.theta, "base_fit": robot.theta, "base_covariance": of_theta}
+    known = {"value": value, "fit": value, "covariance": half, **of_base, "doubts": np.zeros(2)}
     return known | {"regressor": np.zeros((DOF, SIZE)), "measured": np.zeros(DOF), "share": np.ones(1)}
 
 
@@ -112,16 +113,17 @@ def learned(
     measured = known["measured"] + known["share"] * (measured - known["measured"])
     noise = ca.DM(NOISE) + per_rate_variance * tick["rate_variance"] * mass @ mass
     walk = WALK * prior_covariance(robot.theta)
-    fit, covariance, square = updated(known["fit"], known["covariance"], walk, regressor, measured, noise)
+    before = known["fit"], from_upper(known["covariance"], SIZE), walk
+    fit, covariance, square = updated(*before, regressor, measured, noise)
     of_base = regressor[:BASE, THETA], measured[:BASE], noise[:BASE, :BASE]
-    base_before = known["base_fit"], known["base_covariance"], walk[THETA, THETA]
+    base_before = known["base_fit"], from_upper(known["base_covariance"], THETA.stop), walk[THETA, THETA]
     base_fit, base_covariance, base_square = updated(*base_before, *of_base)
     is_robot = ca.logic_and(is_physical(fit[THETA]), fit[MOTOR_GAIN] > 0)
     doubts = (doubt_after(known["doubts"][i], each) for i, each in enumerate((square, base_square)))
     return {
-        **{"value": ca.if_else(is_robot, fit, known["value"]), "fit": fit, "covariance": covariance},
+        **{"value": ca.if_else(is_robot, fit, known["value"]), "fit": fit, "covariance": upper(covariance)},
         **{"base": ca.if_else(is_physical(base_fit), base_fit, known["base"]), "base_fit": base_fit},
-        **{"base_covariance": base_covariance, "doubts": ca.vertcat(*doubts)},
+        **{"base_covariance": upper(base_covariance), "doubts": ca.vertcat(*doubts)},
         **{"regressor": regressor, "measured": measured, "share": ca.SX(share)},
     }
 

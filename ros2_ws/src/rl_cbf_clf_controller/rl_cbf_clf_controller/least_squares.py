@@ -10,6 +10,8 @@ Each tick, in this order, P (n, n) being the covariance of x's error:
     K = P H' (H P H' + R)^-1
     x <- x + K (z - H x),   P <- P - K H P
 
+With L D L' = H P H' + R and W = L^-1 H P that is P <- P - W' D^-1 W, of which half is computed: P stays symmetric.
+
 What no measurement tells of keeps its value. The innovation z - H x is what x does not explain. Its normalised square
 
     (z - H x)' (H P H' + R)^-1 (z - H x) / m
@@ -20,7 +22,6 @@ state; Ljung, System Identification (1999), section 11; Bar-Shalom, Li, Kirubara
 
 import casadi as ca
 from cbf_clf_qp.qp import is_finite
-from cbf_clf_qp.system import solved
 from rabbit_description.state import Array
 
 
@@ -31,16 +32,40 @@ def updated(
 
     x and P stay where the numbers are too large to compute with.
     """
-    spread_now = covariance + walk
+    covariance = symmetric(covariance)
+    spread_now = covariance + symmetric(walk)
     along = spread_now @ regressor.T
-    spread, innovation = regressor @ along + noise, measured - regressor @ value
-    gain = solved(spread, along.T).T
-    found = value + gain @ innovation
-    narrowed = spread_now - gain @ along.T
-    narrowed = (narrowed + narrowed.T) / 2
-    square = ca.dot(innovation, solved(spread, innovation)) / innovation.numel()
+    D, LT, _ = ca.ldl(symmetric(regressor @ along + noise), False)
+    halves = forward(LT, ca.horzcat(along.T, measured - regressor @ value))  # L^-1 of H P, and of the innovation
+    gained, innovation = halves[:, :-1], halves[:, -1]
+    found = value + gained.T @ (innovation / D)
+    narrowed = symmetric(spread_now - gained.T @ (gained / ca.repmat(D, 1, value.numel())))
+    square = ca.dot(innovation, innovation / D) / innovation.numel()
     is_good = is_finite(ca.vertcat(found, ca.vec(narrowed)))
     return ca.if_else(is_good, found, value), ca.if_else(is_good, narrowed, covariance), square
+
+
+def symmetric(matrix: ca.SX | Array) -> ca.SX:
+    """The symmetric matrix with this upper triangle."""
+    return ca.triu2symm(ca.triu(ca.SX(matrix)))
+
+
+def upper(matrix: ca.SX) -> ca.SX:
+    """The upper triangle of a matrix as a column: what is remembered of a covariance."""
+    return ca.SX(ca.triu(ca.densify(matrix)).nz[:])
+
+
+def from_upper(values: ca.SX, n: int) -> ca.SX:
+    """The symmetric matrix (n, n) with this `upper` triangle."""
+    return ca.triu2symm(ca.SX(ca.Sparsity.upper(n), values))
+
+
+def forward(LT: ca.SX, right: ca.SX) -> ca.SX:
+    """L^-1 `right` of the factor L = I + LT' of `ca.ldl`."""
+    rows = list[ca.SX]()
+    for i, row in enumerate(ca.vertsplit(right)):
+        rows.append(row - sum((LT[j, i] * above for j, above in enumerate(rows)), start=ca.SX(0)))
+    return ca.vertcat(*rows)
 
 
 def within(share: ca.SX) -> ca.SX:

@@ -288,6 +288,7 @@ class StepFunctions:
         kept = {**begun, **tracked, "eps": gains["eps"], "last_tick": reading["tick"], "left": seen["leaves"]}
         kept |= {name: stood[name] for name in ("stance", "index", "start", "seconds")} | {"known": memory["known"]}
         scene = {"seen": seen_row, "x": x} | {name: stood[name] for name in ("force", "torque", "stance", "index")}
+        scene |= {name: reading[name] for name in ("tick", "touchdowns")}
         scene |= {"refused": stood["refused"], "step_time": (reading["tick"] - stood["start"]) * p.tick_seconds}
         if self._after:
             lengths = {"joints": ca.DM(robot.joints.ravel()), "feet": ca.DM(robot.feet.ravel())}
