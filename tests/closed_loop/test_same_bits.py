@@ -1,4 +1,4 @@
-"""A tick has the same bits in CasADi's virtual machine and as C, in one thread and beside others; N: `test_batch.py`."""
+"""A tick has the same bits in CasADi's virtual machine and as C, alone and beside threads; N: `test_batch.py`."""
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor

@@ -103,7 +103,7 @@ def reading(data: dict[str, ca.SX], x: ca.SX, y: ca.SX, layout: Layout) -> dict[
     ask of rows and multipliers; over 1 + |x|, and of a row over the distance between its bounds where that is smaller.
     At least what `broken` says of the hard rows; inf where the data are not valid. `margin` (k,): to a row's nearer
     bound, over the row's norm; `row_margin`: in the row's own units. `multiplier` (k,): by how much the minimum falls
-    as the bound is moved, per unit of the row. `slack_sums` (2,): of soft rows, and of those with a slack of last resort.
+    as the bound is moved, per unit of the row. `slack_sums` (2,): of the soft rows, and of the slacks of last resort.
     """
     A, lower, upper, size = ca.project(data["A"], layout.of_A), data["lower"], data["upper"], 1 + ca.norm_2(x)
     value, gradient = A @ x, 2 * x + data["q"] + A.T @ y
