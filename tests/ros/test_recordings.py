@@ -1,6 +1,5 @@
 """Recordings of a running graph: begun in the middle, killed, on a full disk, and played again."""
 
-import lzma
 import resource
 from array import array
 from pathlib import Path
@@ -11,7 +10,6 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from rabbit_bringup.launching.walk import WalkOptions, WalkSettings
 from rabbit_bringup.ros.walking import walk_through
-from rabbit_common.ros.conversions import check_episode
 from rabbit_msgs.msg import Episode
 from rabbit_recording import RecordingError
 from rabbit_recording.bag_writer import BagWriter, graph_types
@@ -23,7 +21,6 @@ from rabbit_recording.recover import recover
 from rabbit_recording.ros.player import play
 from rabbit_sim.parameters import SimulationParameters
 from rclpy.serialization import deserialize_message
-from rl_cbf_clf_controller.message_fields import output_of
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from std_srvs.srv import SetBool
 
@@ -162,22 +159,6 @@ def test_a_recording_is_played_again(world: Any, recording: Path) -> None:
                 both = [getattr(each, field) for each in (message, again)]
                 both = [np.asarray(value) if isinstance(value, array) else value for value in both]  # NaN is NaN
                 np.testing.assert_equal(*both, err_msg=f"{name}.{field}")
-
-
-def test_a_recording_of_a_former_version_is_played_as_messages_of_today(world: Any, tmp_path: Path) -> None:
-    heard = {name: world.hear(name) for name in ("state", "torque", "controller_state", "learner_terms", "episode")}
-    former = tmp_path / "former.mcap"
-    former.write_bytes(lzma.decompress((FORMER / "former_trained.mcap.xz").read_bytes()))
-    play(former, rate=5.0, namespace=world.namespace, delay=3.0)
-    ticks = 46 + 56
-    wanted = {"state": ticks + 2, **dict.fromkeys(("torque", "controller_state", "learner_terms"), ticks), "episode": 1}
-    world.wait(lambda: all(len(heard[name]) >= number for name, number in wanted.items()))
-    records = [record for episode in read_episodes(former).values() for record in episode.records]
-    for record, details, terms in zip(records, heard["controller_state"], heard["learner_terms"], strict=True):
-        again = output_of(details, terms, record.output.torque)
-        np.testing.assert_array_equal(again.alpha, record.output.alpha)
-        np.testing.assert_array_equal(again.barriers, record.output.barriers)
-    check_episode(heard["episode"][-1], after=0)
 
 
 def test_a_running_graph_is_not_played_into(world: Any, recording: Path) -> None:

@@ -66,8 +66,8 @@ class WalkRecords:
     """n ticks; names, shapes after n, and units as in `RobotState` and `ControllerOutput`.
 
     `preview` (n, 2): l_min, l_max of the stone in sight, m, NaN where there is none; `stone_height` (n,): of its top
-    above the one before, as previewed, m. `landings` has a row each, columns `LANDING`. In former files `measured` is
-    NaN and `stone_height` 0. `about`: what else a picture needs or says, see `about_walk`.
+    above the one before, as previewed, m. `landings` has a row each, columns `LANDING`. `about`: what else a picture
+    needs or says, see `about_walk`.
     """
 
     tick: Number
@@ -120,13 +120,13 @@ class WalkRecords:
 
     @property
     def barrier_names(self) -> list[str]:
-        """Of `barriers`; a former file, which does not say, has the two of the stones."""
+        """Of `barriers`; those of the stones, where the file does not say."""
         found: list[str] = self.about.get("barriers", [*STONE_BARRIERS])
         return found
 
     @property
     def tick_seconds(self) -> float:
-        """Length of a tick, s; a former file, which does not say, has the usual one."""
+        """Length of a tick, s; the usual one, where the file does not say."""
         return float(self.about.get("tick_seconds", TICK_SECONDS))
 
     @property
@@ -224,8 +224,6 @@ def load_records(path: Path) -> WalkRecords:
         about = parse_json(str(content["about"]))
         if not isinstance(about, dict):
             raise ValueError("about: expected names, each with a value")
-        former = {"measured": np.full_like(content["nominal_b"], np.nan), "stone_height": np.zeros(len(content["q"]))}
-        content = former | content
         arrays = {name: content[name] for name in ARRAYS}
         _check(arrays, about)
         return WalkRecords(**arrays, about=about)

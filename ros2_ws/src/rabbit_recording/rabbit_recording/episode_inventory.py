@@ -124,8 +124,8 @@ class Gathered:
 
     @property
     def _tick_seconds(self) -> float:
-        """As announced; in a former recording, or where it cannot be, RABBIT's."""
-        seconds = float(getattr(self.announced, "tick_seconds", TICK_SECONDS))
+        """As announced; where it cannot be, RABBIT's."""
+        seconds = float(self.announced.tick_seconds) if self.announced else TICK_SECONDS
         return seconds if LEAST_TICK <= seconds < math.inf else TICK_SECONDS
 
     def _own(self, claims: list[StoredMessage]) -> StoredMessage | None:

@@ -10,9 +10,8 @@ from rl_trainer.rollout import Record
 
 from rabbit_recording import RecordingError
 from rabbit_recording.checking import replayed
-from rabbit_recording.former_messages import is_of_version_0_1
-from rabbit_recording.open_recording import one_line_errors, opened
-from rabbit_recording.reader import RecordedEpisode, last_episode
+from rabbit_recording.open_recording import one_line_errors
+from rabbit_recording.reader import last_episode
 
 INPUTS = "stance hip", "stance knee", "swing hip", "swing knee"
 WORDS = {  # of RABBIT's rows: what each is for, and the unit of what it constrains
@@ -26,7 +25,6 @@ WORDS = {  # of RABBIT's rows: what each is for, and the unit of what it constra
     **{f"u{i + 1}": (f"{name}'s torque", "N m") for i, name in enumerate(INPUTS)},
 }
 ROUNDING = 1e-6  # N m, that processors differ by
-SINGLE_PRECISION = 1e-3  # N m, where version 0.1 evaluated an actor in it
 LEGS = "left", "right"
 
 
@@ -90,13 +88,13 @@ def explain_tick(path: Path, tick: int | None = None, number: int | None = None)
         raise RecordingError(f"{here}: its controller publishes no controller_state")
     if missing := [each for each in range(tick) if each not in records]:
         raise RecordingError(f"{here}: a replay needs all ticks before it, but tick {missing[0]} is missing")
-    explained, rounding = list[tuple[Record, Explanation]](), rounding_of(path, episode)
+    explained = list[tuple[Record, Explanation]]()
     with one_line_errors(path, f"tick {tick} of episode {episode.number} cannot be explained"):
         wanted = replace(episode, records=[records[each] for each in range(tick + 1)])
         for record, (controller, output) in zip(wanted.records, replayed(wanted), strict=True):
             if output.tick >= tick - 1:
                 scene, off = controller.scene, np.abs(output.torque - record.output.torque).max()
-                if off > rounding:
+                if off > ROUNDING:
                     raise RecordingError(f"{here}: its replay is off by {off:.3g} N m in tick {output.tick}")
                 decided = controller.qp, scene.x, scene.p, controller.estimates, controller.decided
                 explained.append((record, explain(*decided)))
@@ -105,10 +103,3 @@ def explain_tick(path: Path, tick: int | None = None, number: int | None = None)
     return ExplainedTick(
         f"episode {episode.number}", record, explanation, before[0] if before else None, is_set, episode.tick_seconds
     )
-
-
-def rounding_of(path: Path, episode: RecordedEpisode) -> float:
-    """By how much a replayed torque may be off, N m."""
-    with opened(path) as reader:
-        is_single = is_of_version_0_1(reader) and any(swap.data for swap in episode.swaps)
-    return SINGLE_PRECISION if is_single else ROUNDING

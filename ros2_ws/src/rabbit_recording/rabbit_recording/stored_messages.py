@@ -1,4 +1,4 @@
-"""A recording's messages in the order of time, those of former versions as today's."""
+"""A recording's messages in the order of time."""
 
 import contextlib
 from collections.abc import Callable, Iterator
@@ -10,7 +10,6 @@ from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection
 
 from rabbit_recording import RecordingError
-from rabbit_recording.former_messages import is_former, parts, renewed, renewed_bytes
 from rabbit_recording.message_header import FIELDS, nanoseconds_of, turn_of
 from rabbit_recording.open_recording import last_name, one_line_errors, opened
 
@@ -40,39 +39,32 @@ class StoredMessage(NamedTuple):
 def stored_messages(path: Path, *names: str) -> Iterator[Iterator[StoredMessage]]:
     """Messages of this project's own types in the order of time, all if no `names`; to be decoded while it is open.
 
-    Those of a former recording come as today's. Raises `RecordingError`: no recording, one that cannot be read, a topic
-    that is in it from several graphs, or messages that are defined otherwise than this version's.
+    Raises `RecordingError`: no recording, one that cannot be read, a topic that is in it from several graphs, or
+    messages that are defined otherwise than this version's.
     """
     with opened(path) as reader:
         ours = [c for c in reader.connections if c.msgtype.startswith(OWN_TYPES)]
-        chosen = [c for c in ours if not names or set(parts(last_name(c.topic))) & set(names)]
+        chosen = [c for c in ours if not names or last_name(c.topic) in names]
         topics = sorted({c.topic for c in chosen})
         several = [topic for topic in topics if [*map(last_name, topics)].count(last_name(topic)) > 1]
         if several:
             raise RecordingError(f"recording {path}: of several graphs: {', '.join(several)}")
         for connection in chosen:
             _check_fields(path, reader, connection)
-        each = _each(reader, chosen, path)
-        yield (message for message in each if not names or message.topic in names)
+        yield _each(reader, chosen, path)
 
 
 def _check_fields(path: Path, reader: AnyReader, connection: Connection) -> None:
     expected = FIELDS.get(last_name(connection.topic), ())
     with one_line_errors(path):
         names = tuple(name for name, _ in reader.typestore.fielddefs[connection.msgtype][1])
-        begin = int(is_former(reader, connection.msgtype))
-    if names[begin : len(expected)] != expected[begin:]:
+    if names[: len(expected)] != expected:
         here = f"{connection.msgtype} begins with {', '.join(names)}; expected {', '.join(expected)}"
         raise RecordingError(f"recording {path}: recorded under other message definitions: {here}")
 
 
 def _each(reader: AnyReader, connections: list[Connection], path: Path) -> Iterator[StoredMessage]:
     with one_line_errors(path):
-        former = {c.msgtype for c in connections if is_former(reader, c.msgtype)}
         for connection, at, data in reader.messages(connections) if connections else ():
-            name, decode = last_name(connection.topic), partial(reader.deserialize, data, connection.msgtype)
-            if connection.msgtype in former:
-                data, again = renewed_bytes(data), partial(renewed, decode)
-                yield from (StoredMessage(each, at, data, again) for each in parts(name))
-            else:
-                yield StoredMessage(name, at, data, decode)
+            decode = partial(reader.deserialize, data, connection.msgtype)
+            yield StoredMessage(last_name(connection.topic), at, data, decode)

@@ -8,10 +8,8 @@ import numpy as np
 import pytest
 from rabbit_recording import RecordingError
 from rabbit_recording.commands.bag import app
-from rabbit_recording.explaining import ExplainedTick, explain_tick, rounding_of
-from rabbit_recording.reader import RecordedEpisode, RecordedSwap
+from rabbit_recording.explaining import ExplainedTick, explain_tick
 from recorded_walk import DRAWS, Walk
-from test_former_recordings import LEARNS, former
 from typer.testing import CliRunner, Result
 
 WriteBag = Callable[..., Path]
@@ -127,26 +125,3 @@ def test_a_tick_that_no_solver_answered_is_refused(
     monkeypatch.setattr("rabbit_recording.explaining.ROUNDING", np.inf)
     with pytest.raises(RecordingError, match="tick 0 of episode 1 cannot be explained: no solver answered"):
         explain_tick(bag, 0)
-
-
-@pytest.mark.parametrize(
-    ("is_former", "policy", "bound"), [(True, b"learned", 1e-3), (True, b"", 1e-6), (False, b"learned", 1e-6)]
-)
-def test_only_a_former_learned_policys_torques_may_be_off_by_single_precision(
-    is_former: bool, policy: bytes, bound: float, tmp_path: Path, write_bag: WriteBag
-) -> None:
-    path = former("former_trained", tmp_path) if is_former else write_bag(tmp_path / "bag")
-    assert rounding_of(path, RecordedEpisode(1, swaps=[RecordedSwap(0, "version", policy)])) == bound
-
-
-@pytest.mark.parametrize(("name", "tick"), [("former_best", LEARNS - 1), ("former_trained", 20)])
-def test_former_recordings_are_explained_too(name: str, tick: int, tmp_path: Path) -> None:
-    told = explain_tick(former(name, tmp_path), tick)
-    assert len(told.explanation.rows) == 10
-    output = told.record.output
-    assert told.explanation.rows[0].estimated == pytest.approx(output.alpha[0] @ output.mu_qp + output.beta[0])
-
-
-def test_a_tick_that_another_version_decided_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(RecordingError, match=f"its replay is off by .* N m in tick {LEARNS}"):
-        explain_tick(former("former_best", tmp_path), LEARNS)

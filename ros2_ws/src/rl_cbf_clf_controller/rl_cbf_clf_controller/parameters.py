@@ -1,7 +1,7 @@
 """The controller's parameters: typed, bounded, described. One model serves files, the command line and ROS."""
 
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from rabbit_description import DEFAULT_GAIT
@@ -16,11 +16,6 @@ from rl_cbf_clf_controller.problem import Problem
 CONFIG = Path(__file__).parent / "config"
 ON_FLAT_GROUND = "on_flat_ground"
 EPS_LEAST = 1e-4
-FORMER = {  # parameters that were, with the values that now always hold: files and recordings may still have them
-    **{"mu_weight": 0.01, "clf_rescue_weight": 1e6, "barrier_rescue_weight": 1e3, "force_rescue_weight": 1e5},
-    **{"robust_bounds": "mass_scale", "robust_offset": 75.0, "robust_slope": 0.5},
-    **{"robust_barrier_offset": 8.0, "robust_barrier_slope": 0.5},
-}
 
 
 class ParameterError(ValueError):
@@ -115,13 +110,6 @@ class ControllerParameters(BaseModel):
     robust_scale_max: float = Field(
         2.0, ge=1e-6, le=10, description="largest mass scale that the robust rows allow for"
     )
-
-    @model_validator(mode="before")
-    @classmethod
-    def _without_former(cls, values: Any) -> Any:
-        if not isinstance(values, dict):
-            return values
-        return {name: value for name, value in values.items() if name not in FORMER or FORMER[name] != value}
 
     @model_validator(mode="after")
     def _fit_together(self) -> "ControllerParameters":

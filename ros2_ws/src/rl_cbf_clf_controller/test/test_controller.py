@@ -14,7 +14,7 @@ from rabbit_description.gait import load_gait
 from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, Leg, RobotState, StonePreview
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.identification import lateness
-from rl_cbf_clf_controller.parameters import FORMER, ControllerParameters, ParameterError, load_parameters
+from rl_cbf_clf_controller.parameters import ControllerParameters, ParameterError, load_parameters
 from rl_cbf_clf_controller.policy import Policy, ZeroPolicy
 from rl_cbf_clf_controller.scene import ControllerError
 from rl_cbf_clf_controller.walking import GAINS
@@ -246,13 +246,6 @@ def test_bad_parameter_files_are_refused(tmp_path, text):
 def test_shipped_parameter_files_load():
     assert load_parameters("ours") == ControllerParameters()
     assert load_parameters("authors").eps == 0.07
-
-
-def test_a_file_with_a_former_parameter_loads_where_its_value_still_holds():
-    text = ControllerParameters(eps=0.05).model_dump() | FORMER
-    assert ControllerParameters.model_validate(text) == ControllerParameters(eps=0.05)
-    with pytest.raises(ParameterError, match="robust_bounds"):
-        load_parameters("ours", robust_bounds="norm")
 
 
 def test_a_parameter_file_may_say_what_is_different_on_flat_ground(tmp_path):

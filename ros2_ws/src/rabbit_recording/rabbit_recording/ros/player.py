@@ -1,6 +1,6 @@
 """Publishes a recording's messages again: their bytes, at their pace, under the QoS they were offered with.
 
-Those of a former version become messages of today.
+Those of an older version become messages of today.
 """
 
 import time
@@ -19,7 +19,7 @@ from rosbags.interfaces import Connection, ConnectionExtRosbag2, QosDurability, 
 
 from rabbit_recording import RecordingError
 from rabbit_recording.bag_writer import graph_types
-from rabbit_recording.former_messages import Renewal
+from rabbit_recording.older_messages import Renewal
 from rabbit_recording.open_recording import begin_of, one_line_errors, opened
 
 DELIVERY_SECONDS = 3.0
@@ -31,18 +31,18 @@ def play(path: Path, rate: float = 1.0, namespace: str = "", delay: float = 1.0)
 
     It goes at `rate` times its own pace, with `namespace` before every topic, after `delay` s in which readers find the
     player. Raises `RecordingError` if it is not readable, of other message definitions than the sourced workspace's and
-    the former ones, or with topics that somebody publishes already; `Refused` if the environment cannot be used.
+    the older ones, or with topics that somebody publishes already; `Refused` if the environment cannot be used.
     """
     here = graph_types([Path(get_package_share_directory("rabbit_msgs"))])
     with opened(path) as reader, closing(GraphClient("player", namespace, "/")) as client:
         renewal = Renewal(reader, here)
         publishers: dict[str, Any] = {}
         for connection in reader.connections:
-            for topic, kind in renewal.topics(connection).items():
-                is_known = kind in here.fielddefs and connection.msgtype not in renewal.former
-                if is_known and here.hash_rihs01(kind) != reader.typestore.hash_rihs01(kind):
-                    raise RecordingError(f"recording {path}: {kind} is defined otherwise in the sourced workspace")
-                publishers[topic] = _publisher(client.node, topic, kind, connection, namespace)
+            topic, kind = connection.topic, connection.msgtype
+            is_known = kind in here.fielddefs and kind not in renewal.older
+            if is_known and here.hash_rihs01(kind) != reader.typestore.hash_rihs01(kind):
+                raise RecordingError(f"recording {path}: {kind} is defined otherwise in the sourced workspace")
+            publishers[topic] = _publisher(client.node, topic, kind, connection, namespace)
         topics = [publisher.topic_name for publisher in publishers.values()]
         if clash := first_published(client.node, topics, 1, delay):  # one is the player's own
             raise RecordingError(f"recording {path}: {clash} is published already; give --namespace, or end that graph")
@@ -51,9 +51,8 @@ def play(path: Path, rate: float = 1.0, namespace: str = "", delay: float = 1.0)
             begin = begin_of(reader)
             for connection, nanoseconds, data in reader.messages():
                 time.sleep(max(0.0, began + (nanoseconds - begin) / 1e9 / rate - time.monotonic()))
-                for topic, message in renewal.messages(connection, data).items():
-                    publishers[topic].publish(message)
-                    count += 1
+                publishers[connection.topic].publish(renewal.message(connection, data))
+                count += 1
         for each in publishers.values():
             each.wait_for_all_acked(Duration(seconds=DELIVERY_SECONDS))
         return count
