@@ -26,12 +26,12 @@ class Renewal:
 
     def message(self, connection: Connection, data: bytes) -> bytes:
         """What a recorded one is today."""
-        kind, types = connection.msgtype, self._today.types
+        kind, types = connection.msgtype, dict[str, Any](self._today.types)
         if kind not in self.older:
             return data
         then = LATER | vars(self._reader.deserialize(data, kind))
         at: Any = then["header"]
-        stamp: Any = types["builtin_interfaces/msg/Time"](at.stamp.sec, at.stamp.nanosec)  # type: ignore[call-arg]
-        then["header"] = types["std_msgs/msg/Header"](stamp, at.frame_id)  # type: ignore[call-arg]
+        stamp = types["builtin_interfaces/msg/Time"](at.stamp.sec, at.stamp.nanosec)
+        then["header"] = types["std_msgs/msg/Header"](stamp, at.frame_id)
         values = {each.name: then[each.name] for each in fields(types[kind])}
         return bytes(self._today.serialize_cdr(types[kind](**values), kind))
