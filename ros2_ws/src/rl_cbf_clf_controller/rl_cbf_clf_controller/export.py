@@ -81,7 +81,6 @@ LEARNED = """  static _Thread_local double scaled[{inputs}], network[{widest} + 
   look(arguments, results, integers, numbers, 0);
   for (int i = 0; i < {inputs}; i++) scaled[i] = (report[SEEN_OBSERVATION + i] - center[i]) * inverse_scale[i];
   forward(1, sizes, {widest}, weights, biases, scaled, network);
-  for (int i = 0; i < {outputs}; i++) outputs[i] = tanh(outputs[i]);
   arguments[0] = outputs, arguments[1] = report + SEEN_LGV, results[0] = estimated;
   estimates(arguments, results, integers, numbers, 0);
 {adapted}  arguments[0] = reading, arguments[1] = settings, arguments[2] = report;
