@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cbf_clf_qp.daqp_source import SourceError, unpack_daqp
 from rabbit_experiments.assembly import Assembly, resolve_policy
 from rabbit_sim.c_example import write_example
 from rabbit_sim.parameters import SimulationParameters
@@ -16,13 +17,13 @@ SEED, STONES = 17, 6
 
 
 def walked_in_python_and_c(
-    name: str, policy: str, folder: Path, mass_scale: float = 2.0
+    name: str, policy: str, folder: Path, mass_scale: float = 2.0, daqp: Path | None = None
 ) -> tuple[np.ndarray, np.ndarray, str]:
     """The torques of all ticks, and what the program says."""
     parameters = load_parameters(name, "stones", qp_solver="daqp")
     plant = SimulationParameters(plant="mujoco", mass_scale=mass_scale, stones=STONES)
     simulation, controller = Assembly(plant, parameters, resolve_policy(policy, parameters)).build()
-    export(controller, folder)
+    export(controller, folder, daqp)
     write_example(folder, simulation, SEED)
     subprocess.run(["make", "-s", "-C", folder], check=True)
     said = subprocess.run(["./example", "torques"], cwd=folder, check=True, capture_output=True, text=True).stdout
@@ -45,6 +46,17 @@ def test_each_torque_has_the_bits_of_pythons(name: str, policy: str, mass_scale:
     in_python, in_c, said = walked_in_python_and_c(name, policy, tmp_path, mass_scale)
     assert in_c.tobytes() == in_python.tobytes()
     assert f"in {len(in_python)} ticks" in said
+
+
+@THOROUGH
+def test_daqps_source_has_the_bits_of_casadis_library(tmp_path: Path) -> None:
+    try:
+        source = unpack_daqp(tmp_path)
+    except SourceError as error:
+        pytest.skip(str(error))
+    in_python, in_c, _ = walked_in_python_and_c("best", "zero", tmp_path / "out", daqp=source)
+    assert in_c.tobytes() == in_python.tobytes()
+    assert (tmp_path / "out" / "daqp" / "src" / "api.o").is_file()
 
 
 def test_what_is_python_is_refused(tmp_path: Path) -> None:
