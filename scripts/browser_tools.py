@@ -3,11 +3,10 @@
 Only `make docs` installs it, and only where node and npm are: the project itself needs none of it.
 """
 
-import os
 import shutil
 import sys
 
-from common import STATE, SetUpError, digest, is_done, logged, mark_done, say
+from common import ROOT, STATE, SetUpError, digest, is_done, logged, mark_done, say
 from pip_install import REQUIREMENTS, pip_install
 
 BROWSER = STATE / "browser"
@@ -17,7 +16,8 @@ TOOLS = {  # as `build_page` names them: a program; folders, the last of which h
     "mujoco": BROWSER / "npm" / "node_modules" / "@mujoco" / "mujoco",
     "cache": BROWSER / "cache",
 }
-LOCKS = [*REQUIREMENTS.glob("browser.txt"), *REQUIREMENTS.glob("daqp_source.txt"), *REQUIREMENTS.glob("npm/*.json")]
+DAQP = ROOT / "ros2_ws" / "src" / "cbf_clf_qp" / "cbf_clf_qp" / "daqp_source.txt"
+LOCKS = [*REQUIREMENTS.glob("browser.txt"), DAQP, *REQUIREMENTS.glob("npm/*.json")]
 
 
 def missing() -> str:
@@ -53,24 +53,18 @@ def install() -> str:
 
 
 def fetch_daqp() -> None:
-    """DAQP's source package, unpacked. pip reads its metadata, for which it needs Cython."""
-    options = ["--no-binary", ":all:", "--no-deps", "--no-build-isolation", "--require-hashes", "--no-input"]
-    command = [sys.executable, "-m", "pip", "download", *options, "--dest", str(BROWSER)]
-    environment = {**os.environ, "PYTHONPATH": str(BROWSER / "python")}
-    run([*command, "-r", str(REQUIREMENTS / "daqp_source.txt")], "pip-daqp.log", environment)
-    (source,) = BROWSER.glob("daqp-*.tar.gz")
-    shutil.unpack_archive(source, BROWSER)
-    (BROWSER / source.name.removesuffix(".tar.gz")).rename(BROWSER / "daqp")
+    """DAQP's source package, unpacked."""
+    from cbf_clf_qp.daqp_source import SourceError, unpack_daqp
+
+    try:
+        unpack_daqp(BROWSER).parent.rename(BROWSER / "daqp")
+    except SourceError as error:
+        raise SetUpError(str(error)) from error
 
 
 def fetch_mujoco() -> None:
     """The npm package, as `package-lock.json` has it; none of its scripts runs."""
     shutil.copytree(REQUIREMENTS / "npm", BROWSER / "npm")
-    run(["npm", "ci", "--ignore-scripts", "--no-audit", "--no-fund", "--prefix", str(BROWSER / "npm")], "npm.log")
-
-
-def run(command: list[str], log: str, environment: dict[str, str] | None = None) -> None:
-    """Run it; raises SetUpError where it fails."""
-    if logged(command, STATE / log, environment):
-        name = " ".join(command[:2]) if command[0] == "npm" else "pip download"
-        raise SetUpError(f"{name} failed: the registry did not answer or has another file (log: .setup/{log})")
+    command = ["npm", "ci", "--ignore-scripts", "--no-audit", "--no-fund", "--prefix", str(BROWSER / "npm")]
+    if logged(command, STATE / "npm.log"):
+        raise SetUpError("npm ci failed: the registry did not answer or has another file (log: .setup/npm.log)")

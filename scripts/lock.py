@@ -2,8 +2,8 @@
 
 The product needs python.txt; studies.txt and tests.txt have the rest. torch has locks of its own, installed
 after the others: the CPU build, which PyPI does not list, in torch_cpu.txt (by hand), tried first; PyPI's build in
-torch.txt; and what that one needs of CUDA in torch_cuda.txt. daqp_source.txt (by hand) and npm/package-lock.json (`npm
-install --package-lock-only` there) have the rest of what the page in the browser is built of.
+torch.txt; and what that one needs of CUDA in torch_cuda.txt. npm/package-lock.json (`npm install --package-lock-only`
+there) and daqp_source.txt of cbf_clf_qp (by hand) have the rest of what the page in the browser is built of.
 """
 
 import re

@@ -48,15 +48,15 @@ WRAPPER = """
 static _Thread_local double arena[{arena} / sizeof(double)];
 static _Thread_local size_t arena_used;
 
-/* DAQP's own, by the linker's --wrap */
-void *__wrap_malloc(size_t size) {{
+/* DAQP's, which is compiled with these names in place of malloc and free */
+void *controller_malloc(size_t size) {{
   size_t numbers = (size + sizeof(double) - 1) / sizeof(double);
   if (arena_used + numbers > sizeof arena / sizeof(double)) return 0;
   arena_used += numbers;
   return arena + arena_used - numbers;
 }}
 
-void __wrap_free(void *memory) {{ (void)memory; }}
+void controller_free(void *memory) {{ (void)memory; }}
 
 {tables}
 void controller_first(double *memory) {{ memcpy(memory, first, sizeof first); }}
@@ -81,7 +81,6 @@ LEARNED = """  static _Thread_local double scaled[{inputs}], network[{widest} + 
   look(arguments, results, integers, numbers, 0);
   for (int i = 0; i < {inputs}; i++) scaled[i] = (report[SEEN_OBSERVATION + i] - center[i]) * inverse_scale[i];
   forward(1, sizes, {widest}, weights, biases, scaled, network);
-  for (int i = 0; i < {outputs}; i++) outputs[i] = tanh(outputs[i]);
   arguments[0] = outputs, arguments[1] = report + SEEN_LGV, results[0] = estimated;
   estimates(arguments, results, integers, numbers, 0);
 {adapted}  arguments[0] = reading, arguments[1] = settings, arguments[2] = report;

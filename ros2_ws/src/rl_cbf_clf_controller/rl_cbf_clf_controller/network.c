@@ -1,6 +1,6 @@
 /* The actor's network, see network.py. Compiled without fused operations: the processor changes no bit. */
 
-#include <features.h>
+#include <math.h> /* says, too, whether this is glibc */
 
 #if defined(__x86_64__) && defined(__GLIBC__)
 #define FOR_EACH_PROCESSOR __attribute__((target_clones("avx512f", "avx2", "default"))) /* chosen as it is loaded */
@@ -37,8 +37,8 @@ void layer(const float *restrict weights, const double *restrict bias, const dou
     }
 }
 
-/* n rows x (n, sizes[0]) to n rows (n, sizes[3]) at the end of `memory`, before tanh; layer by layer, so that the
-   weights stay near. `memory`: as many numbers as the widest layer has inputs, then n rows of each layer's outputs. */
+/* n rows x (n, sizes[0]) to n rows (n, sizes[3]) at the end of `memory`; layer by layer, so that the weights stay near.
+   tanh is libm's. `memory`: as many numbers as the widest layer has inputs, then n rows of each layer's outputs. */
 void forward(integer n, const integer *sizes, integer widest, const float *weights, const double *biases,
              const double *x, double *memory)
 {
@@ -48,8 +48,8 @@ void forward(integer n, const integer *sizes, integer widest, const float *weigh
         const integer inputs = sizes[l], outputs = sizes[l + 1];
         for (row = 0; row < n; row++)
             layer(weights, biases, x + row * inputs, inputs, outputs, used, y + row * outputs);
-        for (i = 0; l < 2 && i < n * outputs; i++)
-            y[i] = y[i] < 0 ? 0 : y[i];
+        for (i = 0; i < n * outputs; i++)
+            y[i] = l == 2 ? tanh(y[i]) : y[i] < 0 ? 0 : y[i];
         weights += inputs * outputs;
         biases += outputs;
         x = y;

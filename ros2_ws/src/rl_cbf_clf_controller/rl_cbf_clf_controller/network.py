@@ -1,11 +1,12 @@
 """The actor's network, with ReLU and tanh: `network.c`, once many rows were asked for, or numpy with the same bits.
 
-In double precision. Each unit adds to its bias its inputs times their weights, in order, and leaves out inputs that are
-zero, as half of them are behind a ReLU. BLAS adds in an order of its own: its outputs differ in the last bits.
+In double precision, with libm's tanh. Each unit adds to its bias its inputs times their weights, in order, and leaves
+out inputs that are zero, as half of them are behind a ReLU. BLAS adds in an order of its own, and numpy has a tanh of
+its own: outputs would differ in the last bits.
 """
 
 import ctypes
-from math import inf
+from math import inf, tanh
 from pathlib import Path
 from typing import Any
 
@@ -84,8 +85,8 @@ class Actor:
             y = memory[memory.size - n * self.outputs :]
         else:
             with np.errstate(all="ignore"):  # as in C
-                y = np.array([self._in_numpy(row) for row in x.reshape(n, inputs)])
-        outputs: NDArray[np.float64] = np.tanh(y).reshape(*many, self.outputs)
+                y = np.array([[*map(tanh, self._in_numpy(row).tolist())] for row in x.reshape(n, inputs)])
+        outputs: NDArray[np.float64] = y.reshape(*many, self.outputs)
         return outputs
 
     def _in_numpy(self, y: NDArray[Any]) -> NDArray[Any]:

@@ -1,6 +1,8 @@
 """Write a controller as C source, with a program that walks it in MuJoCo's C library."""
 
+import sys
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Annotated
 
 import typer
@@ -23,7 +25,7 @@ class ExportOptions(BaseModel):
     parameters: str = Field("best", description="controller parameters: best, ours, nominal_tuned or a YAML file")
     policy: str = Field("zero", description="zero, a shipped policy or a file")
     seed: int = Field(9001, ge=0, le=2**32 - 1, description="seed of the example's course and first state")
-    daqp: Path | None = Field(None, description="csrc of DAQP's source (default: the library in CasADi's wheel)")
+    daqp: Path | None = Field(None, description="csrc of DAQP's source (default: from PyPI)")
 
 
 @app.command()
@@ -45,7 +47,19 @@ def export(
 
     simulation, controller = assembly.build()
     own_folder(folder, "export")
-    with complaints(ExportError):
-        write(controller, folder, request.daqp)
+    with complaints(ExportError), TemporaryDirectory() as temporary:
+        write(controller, folder, request.daqp or daqp_source(Path(temporary)))
     write_example(folder, simulation, request.seed)
     print(f"written to {folder}: controller.c, controller.h, daqp/, and an example: make -C {folder}")
+
+
+def daqp_source(folder: Path) -> Path | None:
+    """DAQP's source, in this folder; None, and a line, where it cannot be had."""
+    from cbf_clf_qp.daqp_source import SourceError, unpack_daqp
+
+    try:
+        return unpack_daqp(folder)
+    except SourceError as error:
+        instead = "daqp/ has the library of CasADi's wheel, for this platform alone; --daqp takes a folder of the source"
+        print(f"rabbit: {error}: {instead}", file=sys.stderr)
+        return None

@@ -17,13 +17,21 @@ from rabbit_sim.terrain import PLATFORM_START
 SOURCE = Path(__file__).with_name("example.c")
 MAKEFILE = """# make, then ./example, or ./example --bench; MUJOCO: a folder with include/ and the library
 MUJOCO = {mujoco}
-CASADI_FLAGS = -O2 -fno-builtin -ffp-contract=off -w -Idaqp/include -Idaqp/include/daqp
-DAQP = $(or $(wildcard daqp/src/*.c),daqp/libdaqpstat.a)
+FLAGS = -O2 -fno-builtin -ffp-contract=off -w -Idaqp/include -Idaqp/include/daqp
+DAQP = $(or $(patsubst %.c,%.o,$(wildcard daqp/src/*.c)),daqp/daqp.a)
 
-example: example.c controller.c controller.h course.h
-	$(CC) $(CASADI_FLAGS) -c controller.c -o controller.o
-	$(CC) -O2 -Wall -I$(MUJOCO)/include example.c controller.o -Idaqp/include -Idaqp/include/daqp $(DAQP) \\
-	-Wl,--wrap=malloc -Wl,--wrap=free -Wl,-rpath,$(MUJOCO) {library} -lm -o $@
+example: example.c course.h controller.h controller.o $(DAQP)
+	$(CC) $(FLAGS) -I$(MUJOCO)/include example.c controller.o $(DAQP) -Wl,-rpath,$(MUJOCO) {library} -lm -o $@
+
+controller.o: controller.c controller.h
+	$(CC) $(FLAGS) -c $< -o $@
+
+# DAQP takes its memory from controller.c
+daqp/src/%.o: daqp/src/%.c
+	$(CC) $(FLAGS) -Dmalloc=controller_malloc -Dfree=controller_free -c $< -o $@
+
+daqp/daqp.a: daqp/libdaqpstat.a
+	objcopy --redefine-sym malloc=controller_malloc --redefine-sym free=controller_free $< $@
 """
 
 
