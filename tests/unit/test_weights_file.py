@@ -161,8 +161,8 @@ def test_metadata_that_does_not_fit(changes: dict[str, Any]) -> None:
 def test_structured_row_is_LgV_times_the_matrix() -> None:
     rng = np.random.default_rng(1)
     D2, D1, LgV, others = rng.standard_normal((4, 4)), rng.standard_normal(4), rng.standard_normal(4), np.arange(20.0)
-    outputs, scales = np.concatenate([np.column_stack([D2, D1]).ravel(), others]), ([2.0] * 5, [3.0] * 5)
-    estimates = estimate_function(*scales, structured=True, has_clf=True, inputs=4)(outputs, LgV)
+    outputs, scales = np.concatenate([np.column_stack([D2, D1]).ravel(), others]), (np.full(5, 2.0), np.full(5, 3.0))
+    estimates = estimate_function(5, 4, structured=True, has_clf=True)(outputs, LgV, *scales)
     np.testing.assert_allclose(estimates.alpha[0], 2 * LgV @ D2)
     np.testing.assert_allclose(estimates.beta[0], 3 * LgV @ D1)
     np.testing.assert_array_equal(estimates.alpha[1:].ravel(), 2 * others[:16])

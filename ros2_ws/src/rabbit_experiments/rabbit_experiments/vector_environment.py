@@ -51,14 +51,14 @@ class LearnerUnits:
     def __init__(self, parameters: TrainingParameters) -> None:
         problem, n = parameters.problem, parameters.n
         self._center, self._scale = np.array([problem.unit(name) for name in parameters.observation]).T
-        of_one = estimate_function(*parameters.scales[:2], False, problem.has_clf, problem.inputs)
-        self._estimates = BatchFunction(of_one)
+        self._estimates = BatchFunction(estimate_function(n, problem.inputs, False, problem.has_clf))
+        self._scales = tuple(map(np.array, parameters.scales[:2]))
         self.observations = Box(-np.inf, np.inf, self._center.shape, np.float32)
         self.actions = Box(-1.0, 1.0, ((problem.inputs + 1) * n,), np.float32)
 
     def estimates(self, actions: Array, LgV: Array) -> Estimates:
         """Of N robots, the actions (N, (m + 1) n) times their scales; those of V also times |LgV| + 1, LgV (N, m)."""
-        found = self._estimates(actions, LgV)
+        found = self._estimates(actions, LgV, *self._scales)
         return Estimates(found.alpha, found.beta, None)
 
     def scaled(self, observation: Array) -> Float32:

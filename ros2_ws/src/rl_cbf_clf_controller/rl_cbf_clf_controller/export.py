@@ -22,6 +22,7 @@ from rabbit_description.state import Array
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.network import SOURCE
 from rl_cbf_clf_controller.policy import ActorPolicy, ZeroPolicy
+from rl_cbf_clf_controller.step import Layout
 
 KINDS = {"d": "double", "f": "float", "l": "long long"}  # by numpy's letter
 ARENA = 1 << 16  # bytes, of which a QP takes some 10 k
@@ -34,7 +35,7 @@ A reading without a stone has NAN there; torques that are not known are NAN. Leg
 #define CONTROLLER_H
 
 {rows}
-void controller_first(double *memory);
+{policy}void controller_first(double *memory);
 void controller_settings(double *settings);
 /* One tick. 0: done. 1: the reading is refused (REPORT_REFUSED), and the memory as it was. */
 int controller_step(double *memory, const double *reading, const double *settings, double *report);
@@ -76,19 +77,26 @@ int controller_step(double *memory, const double *reading, const double *setting
 """
 STEP = """  step(arguments, results, integers, numbers, 0);
 """
-LEARNED = """  static _Thread_local double scaled[{inputs}], network[{widest} + {units}], estimated[{estimated}];
+LEARNED = """  static _Thread_local double scaled[{inputs}], network[{widest} + {units}];
   double *outputs = network + {widest} + {units} - {outputs};
   look(arguments, results, integers, numbers, 0);
-  for (int i = 0; i < {inputs}; i++) scaled[i] = (report[SEEN_OBSERVATION + i] - center[i]) * inverse_scale[i];
-  forward(1, sizes, {widest}, weights, biases, scaled, network);
-  arguments[0] = outputs, arguments[1] = report + SEEN_LGV, results[0] = estimated;
+  for (int i = 0; i < policy_sizes[0]; i++)
+    scaled[i] = (report[SEEN_OBSERVATION + i] - policy_center[i]) * policy_inverse_scale[i];
+  forward(1, policy_sizes, {widest}, policy_weights, policy_biases, scaled, network);
+  arguments[0] = outputs, arguments[1] = report + SEEN_LGV, results[0] = report + REPORT_ALPHA;
+  arguments[2] = policy_alpha_scale, arguments[3] = policy_beta_scale;
   estimates(arguments, results, integers, numbers, 0);
 {adapted}  arguments[0] = reading, arguments[1] = settings, arguments[2] = report;
-  arguments[3] = estimated, arguments[4] = estimated + {beta}, arguments[5] = estimated + {error};
+  arguments[3] = report + REPORT_ALPHA, arguments[4] = report + REPORT_BETA;
+  arguments[5] = report + REPORT_OUTPUT_ERROR;
   results[0] = report + REPORT_MEMORY;
   decide(arguments, results, integers, numbers, 0);
 """
-ADAPTED = """  for (int i = 0; i < {estimated}; i++) estimated[i] += report[REPORT_IDENTIFIED_ALPHA + i];
+POLICY = """/* The policy, which another one of the same form may replace between two ticks */
+{tables}
+
+"""
+ADAPTED = """  for (int i = 0; i < {estimated}; i++) report[REPORT_ALPHA + i] += report[REPORT_IDENTIFIED_ALPHA + i];
 """
 
 
@@ -124,13 +132,32 @@ def export(controller: Controller, folder: Path, daqp: Path | None = None) -> No
 def header(controller: Controller) -> str:
     """The rows by name."""
     f = controller.functions
-    rows = {"memory": f.memory, "reading": f.reading, "settings": f.settings, "report": f.report}
+    rows = {"memory": f.memory, "reading": f.reading, "settings": f.settings, "report": report_of(controller)}
     lines = [line for name, layout in rows.items() for line in (*defines(name, layout.places, layout.size), "")]
     seen, answer = (f.report.places[name][0].start for name in ("seen", "answer"))
     lines += [*defines("seen", f.seen.places, None, seen), "", *defines("answer", f.answer.places, None, answer), ""]
     rows_of_qp = ", ".join(controller.qp.layout.names)
     about = f"{controller.parameters.controller}: the QP has the rows {rows_of_qp}; SEEN and ANSWER are in a report"
-    return HEADER.format(about=about, rows="\n".join(lines))
+    policy = ""
+    if isinstance(controller.policy, ActorPolicy):
+        policy = POLICY.format(
+            tables="\n".join(f"extern {declared(*each)};" for each in tables_of(controller.policy).items())
+        )
+    return HEADER.format(about=about, rows="\n".join(lines), policy=policy)
+
+
+def report_of(controller: Controller) -> Layout:
+    """The report; with a learned policy also all estimates."""
+    f = controller.functions
+    return Layout(f.report.sizes | f.estimates) if isinstance(controller.policy, ActorPolicy) else f.report
+
+
+def tables_of(policy: ActorPolicy) -> dict[str, Array]:
+    """Its numbers; see `forward` in `network.c`, and `estimate_function`."""
+    actor, (alpha, beta) = policy.actor, policy.scales
+    tables = {"center": policy.center, "inverse_scale": policy.inverse_scale, "alpha_scale": alpha, "beta_scale": beta}
+    tables |= {"weights": actor.weights, "biases": actor.biases, "sizes": actor.sizes}
+    return {f"policy_{name}": values for name, values in tables.items()}
 
 
 def defines(row: str, places: Mapping[str, Place], size: int | None, start: int = 0) -> Iterable[str]:
@@ -147,29 +174,30 @@ def wrapper(controller: Controller, functions: Sequence[NumpyFunction]) -> str:
     settings = np.array([getattr(controller.parameters, name, 0.0) for name in f.settings.places])
     tables = {"first": controller.first_memory(), "usual": settings, "gaits": f.gaits}
     if isinstance(policy, ActorPolicy):
-        actor, of_all = policy.actor, policy.estimates
-        tables |= {"center": policy.center, "inverse_scale": policy.inverse_scale, "biases": actor.biases}
-        tables |= {"weights": actor.weights, "sizes": actor.sizes}
-        places = {name: of_all.places[name][0].start for name in ("beta", "output_error")}
+        actor = policy.actor
         sizes = {"inputs": len(policy.center), "widest": actor.widest, "units": actor.units, "outputs": actor.outputs}
-        sizes |= {"estimated": of_all.row.size, "beta": places["beta"], "error": places["output_error"]}
-        adapted = ADAPTED.format(**sizes) if f.identifies else ""
+        adapted = ADAPTED.format(estimated=policy.estimates.row.size) if f.identifies else ""
         tick, network = LEARNED.format(adapted=adapted, **sizes), SOURCE.read_text()
+        network += "\n".join(f"{declared(*each)} = {numbers(each[1])};" for each in tables_of(policy).items())
     most = {
         "arguments": max(each.function.sz_arg() for each in functions),
         "results": max(each.function.sz_res() for each in functions),
         "integers": max(each.function.sz_iw() for each in functions),
         "numbers": max(each.function.sz_w() for each in functions),
     }
-    written = network + "\n".join(table(name, values) for name, values in tables.items())
+    constant = (f"static const {declared(name, values)} = {numbers(values)};" for name, values in tables.items())
+    written = "\n".join((network, *constant))
     return WRAPPER.format(arena=ARENA, tables=written, tick=tick, **most)
 
 
-def table(name: str, values: Array) -> str:
-    """An array in C, to the bit."""
-    numbers = ["NAN" if np.isnan(value) else repr(value) for value in values.tolist()]
-    kind = KINDS[values.dtype.char]
-    return f"static const {kind} {name}[{len(numbers)}] = {{{', '.join(numbers)}}};"
+def declared(name: str, values: Array) -> str:
+    """An array in C."""
+    return f"{KINDS[values.dtype.char]} {name}[{values.size}]"
+
+
+def numbers(values: Array) -> str:
+    """Those of an array in C, to the bit."""
+    return f"{{{', '.join('NAN' if np.isnan(value) else repr(value) for value in values.tolist())}}}"
 
 
 def copy_daqp(folder: Path, source: Path | None) -> None:

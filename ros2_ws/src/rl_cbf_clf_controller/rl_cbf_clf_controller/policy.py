@@ -14,7 +14,6 @@ all that a controller without barriers and force rows has a use for.
 """
 
 from abc import abstractmethod
-from collections.abc import Sequence
 from typing import Any, ClassVar
 
 import casadi as ca
@@ -89,8 +88,8 @@ class ActorPolicy(LearnedPolicy):
         self.center = np.array(form.observation_center)
         self.inverse_scale = 1 / np.array(form.observation_scale)
         self.is_structured = form.structured
-        scales = form.alpha_scale, form.beta_scale
-        self.estimates = estimate_function(*scales, form.structured, "V" in form.names, form.m)
+        self.scales = np.array(form.alpha_scale), np.array(form.beta_scale)
+        self.estimates = estimate_function(len(form.names), form.m, form.structured, "V" in form.names)
         self._of_many = BatchFunction(self.estimates)
         self.actor = Actor(file.arrays)
 
@@ -111,19 +110,18 @@ class ActorPolicy(LearnedPolicy):
         if observation.shape[-1] < size:
             read = self.file.metadata.observation[-1]
             raise ValueError(f"policy {self.version} reads {read}: expected a gait library")
-        found = estimates(self.actor((observation[..., :size] - self.center) * self.inverse_scale), LgV)
+        outputs = self.actor((observation[..., :size] - self.center) * self.inverse_scale)
+        found = estimates(outputs, LgV, *self.scales)
         return found.alpha, found.beta, found.output_error if self.is_structured else None
 
 
-def estimate_function(
-    alpha_scale: Sequence[float], beta_scale: Sequence[float], structured: bool, has_clf: bool, inputs: int
-) -> NumpyFunction:
-    """alpha (n, m), beta (n,) and output_error (m, m + 1) of (a network's outputs, LgV (m,)), with scales (n,) of both.
+def estimate_function(n: int, m: int, structured: bool, has_clf: bool) -> NumpyFunction:
+    """alpha (n, m), beta (n,) and output_error (m, m + 1) of (a network's outputs, LgV (m,), scales of both (n,)).
 
     Structured outputs are (m (m + 1) + (m + 1) (n - 1),): [D2 | D1] row by row, then the alphas of the other
     quantities, then their betas. Plain ones are ((m + 1) n,): alphas, then betas.
     """
-    n, m, LgV = len(alpha_scale), inputs, ca.SX.sym("LgV", inputs)
+    LgV, alpha_scale, beta_scale = (ca.SX.sym(*each) for each in (("LgV", m), ("alpha_scale", n), ("beta_scale", n)))
     outputs = ca.SX.sym("outputs", (m + 1) * (m + n - 1) if structured else (m + 1) * n)
     output_error = ca.SX.zeros(m, m + 1)
     if structured:
@@ -137,9 +135,9 @@ def estimate_function(
         if has_clf:
             size = ca.vertcat(ca.norm_2(LgV) + 1, ca.SX.ones(n - 1))
             alpha, beta = ca.diag(size) @ alpha, size * beta
-    found = {"alpha": ca.diag(ca.DM(alpha_scale)) @ alpha, "beta": ca.DM(beta_scale) * beta}
-    found["output_error"] = output_error
-    return NumpyFunction.of("estimates", {"outputs": outputs, "LgV": LgV}, found, matrices=("alpha", "output_error"))
+    found = {"alpha": ca.diag(alpha_scale) @ alpha, "beta": beta_scale * beta, "output_error": output_error}
+    inputs = {"outputs": outputs, "LgV": LgV, "alpha_scale": alpha_scale, "beta_scale": beta_scale}
+    return NumpyFunction.of("estimates", inputs, found, matrices=("alpha", "output_error"))
 
 
 def row_by_row(values: ca.SX, columns: int) -> ca.SX:
