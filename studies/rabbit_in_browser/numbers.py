@@ -5,11 +5,11 @@ from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
-from cbf_clf_qp.answer import TOLERANCE
 from cbf_clf_qp.constraints import ResClf
-from rabbit_description.gait import GaitLibrary, load_gaits
+from cbf_clf_qp.functions import Place
+from rabbit_description.gait import load_gaits
 from rabbit_description.state import TICK_SECONDS
-from rabbit_experiments.conditions import TRAINING_SCALE
+from rabbit_experiments.assembly import Assembly, resolve_policy
 from rabbit_experiments.walk_records import drawn_parameters
 from rabbit_sim import engine_plant, mujoco_plant, plant, simulation, terrain, touchdown_detector
 from rabbit_sim.initial_state import initial_state
@@ -20,71 +20,79 @@ from rabbit_sim.stones import draw_course
 from rabbit_viewer.geometry import TORSO
 from rabbit_viewer.page.rows import RowMaker
 from rabbit_viewer.play.settings import controls
+from rl_cbf_clf_controller.controller import Controller
+from rl_cbf_clf_controller.export import report_of, tables_of
 from rl_cbf_clf_controller.parameters import ControllerParameters, load_parameters
-from rl_cbf_clf_controller.robot_numbers import read_robot
+from rl_cbf_clf_controller.policy import ActorPolicy
+from rl_cbf_clf_controller.step import Layout
 from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP
-from rl_cbf_clf_controller.walking import GAINS
 from rl_cbf_clf_controller.weights import PROBE
 
-from rabbit_in_browser.tick_in_c import TickInC, policy_shapes
-
-LEARNING = {"controller": "rl-cbf-clf-qp"}
+LEARNING = {"controller": "rl-cbf-clf-qp", "qp_solver": "daqp"}
 CONTROLLERS: dict[str, tuple[ControllerParameters, str]] = {  # parameters, policy
-    "learned": (load_parameters("ours", **LEARNING), "learned"),
-    "nominal, tuned": (load_parameters("nominal_tuned"), "zero"),
+    "best": (load_parameters("best"), "zero"),
+    "nominal, tuned": (load_parameters("nominal_tuned", qp_solver="daqp"), "zero"),
+    "learned": (load_parameters("ours", **LEARNING), RL_CBF_CLF_QP.name),
     "nominal, same gain": (load_parameters("ours", **LEARNING), "zero"),
 }
 PLANT = SimulationParameters(plant="mujoco")
-SEEDS = range(1, 41)
+SEEDS, MASS_SCALE = range(1, 41), 3.0  # as README compares them
 SHOWN = ("mass_scale", "payload", "ground_friction", "stone_width", "seed", "again")  # of the controls of `rabbit play`
 EPS = {"minimum": 0.02, "maximum": 0.1, "step": 0.005, "when": "now"}
 
 
-def page_numbers(ticks: Mapping[str, TickInC]) -> dict[str, Any]:
-    """All of them, for JSON; `ticks` by objective."""
-    parameters = {name: each for name, (each, _) in CONTROLLERS.items()}
+def controllers() -> dict[str, Controller]:
+    """Those of the page, by name."""
     return {
-        "controllers": {name: controller(*each, ticks[each[0].objective]) for name, each in CONTROLLERS.items()},
-        "gaits": {each.gait: gait(each.gait) for each in parameters.values()},
-        "plant": plant_numbers(),
-        "courses": [course(seed, {each.gait for each in parameters.values()}) for seed in SEEDS],
-        "controls": page_controls(),
-        "policy": policy_numbers(),
+        name: Assembly(PLANT, parameters, resolve_policy(policy, parameters)).make_controller()
+        for name, (parameters, policy) in CONTROLLERS.items()
     }
 
 
-def controller(parameters: ControllerParameters, policy: str, tick: TickInC) -> dict[str, Any]:
+def page_numbers(made: Mapping[str, Controller]) -> dict[str, Any]:
+    """All of them, for JSON."""
+    gaits = {each.parameters.gait for each in made.values()}
+    learned = next(each.policy for each in made.values() if isinstance(each.policy, ActorPolicy))
+    return {
+        "controllers": {name: controller(i, each) for i, (name, each) in enumerate(made.items())},
+        "plant": plant_numbers(),
+        "courses": [course(seed, gaits) for seed in SEEDS],
+        "controls": page_controls(),
+        "policy": policy_numbers(learned),
+    }
+
+
+def controller(number: int, made: Controller) -> dict[str, Any]:
     """What `controller.js` and the page's drawing need of a controller."""
-    robot, places = read_robot(), tick.parameters
-    p = np.zeros(max(place.stop for place, _ in places.values()))
-    p[: robot.row.size] = robot.row
-    for name in GAINS:
-        p[places[name][0]] = getattr(parameters, name)
-    quantities, barriers = list(parameters.problem.quantities), ["B1", "B2"]
+    parameters, f = made.parameters, made.functions
     about = {
         **drawn_parameters(parameters),
-        **{"quantities": quantities, "barriers": barriers, "rescues": tick.layout.rescues.tolist()},
+        **{"quantities": list(made.qp.names), "barriers": list(made.barrier_names)},
         "clf_rate": ResClf(4, 1.0, (parameters.kp, parameters.kd)).rate,  # at eps = 1
     }
+    report = report_of(made)
+    inside = {"seen": f.seen.places, "answer": f.answer.places}
+    within = {name: places_of(places, report.places[name][0].start) for name, places in inside.items()}
+    is_learned = isinstance(made.policy, ActorPolicy)
+    estimates = {} if is_learned or not f.identifies else {name: f"identified_{name}" for name in ("alpha", "beta")}
     return {
-        **{name: getattr(parameters, name) for name in ("gait", "stone_aim", "swap_time", "swap_phase")},
-        **{"tick": parameters.objective, "policy": policy, "p": p.tolist(), "tick_seconds": TICK_SECONDS},
-        "places": {name: [place.start, place.stop] for name, (place, _) in places.items()},
-        **{"tolerance": TOLERANCE, "left": tick.function.size1_in("before")},
-        **{"joints": robot.joints.ravel().tolist(), "feet": robot.feet.ravel().tolist()},
-        **{"about": about, "columns": RowMaker(about, quantities, barriers).columns},
+        **{"module": f"controller_{number}.wasm", "gait": parameters.gait, "is_learned": is_learned},
+        **{"parameters": parameters.model_dump(mode="json"), "about": about, "tick_seconds": TICK_SECONDS},
+        **{"memory": f.memory.size, "reading": row(f.reading), "settings": row(f.settings)},
+        "report": {**row(report), "places": {**places_of(report.places), **within["seen"], **within["answer"]}},
+        "estimates": estimates,
+        "columns": RowMaker(about, made.qp.names, made.barrier_names).columns,
     }
 
 
-def gait(name: str) -> dict[str, Any]:
-    """Of a gait, or of a library for level ground."""
-    gaits = load_gaits(name)
-    known = gaits.rows[0] if isinstance(gaits, GaitLibrary) else [gaits]
-    start_length = gaits.start_length if isinstance(gaits, GaitLibrary) else 0.0
-    paths = [
-        {"coeffs": each.coeffs.tolist(), "start": each.phase_angle_start, "end": each.phase_angle_end} for each in known
-    ]
-    return {"lengths": [each.step_length for each in known], "paths": paths, "start_length": start_length}
+def row(layout: Layout) -> dict[str, Any]:
+    """Its size, and where what lies in it."""
+    return {"size": layout.size, "places": places_of(layout.places)}
+
+
+def places_of(places: Mapping[str, Place], start: int = 0) -> dict[str, list[int]]:
+    """Begin and end of each part."""
+    return {name: [start + place.start, start + place.stop] for name, (place, _) in places.items()}
 
 
 def plant_numbers() -> dict[str, Any]:
@@ -144,7 +152,7 @@ def page_controls() -> list[dict[str, Any]]:
     known = {each["name"]: each for each in controls()}
     known["stone_width"]["when"] = "now"
     known["again"]["default"] = "next course"
-    known["mass_scale"]["default"], known["seed"]["default"] = TRAINING_SCALE, SEEDS[0]  # the robot that was learned
+    known["mass_scale"]["default"], known["seed"]["default"] = MASS_SCALE, SEEDS[0]
     known["seed"]["maximum"], known["seed"]["minimum"] = SEEDS[-1], SEEDS[0]
     names = list(CONTROLLERS)
     return [
@@ -156,9 +164,10 @@ def page_controls() -> list[dict[str, Any]]:
     ]
 
 
-def policy_numbers() -> dict[str, Any]:
-    """What `policy.js` checks a policy file against."""
-    problem, shapes = RL_CBF_CLF_QP, policy_shapes(RL_CBF_CLF_QP)
+def policy_numbers(policy: ActorPolicy) -> dict[str, Any]:
+    """What `policy.js` checks a policy file against, and the sizes of the module's tables."""
+    problem = RL_CBF_CLF_QP
     observations = [names for names in problem.observations if not set(names).intersection(problem.optional)]
-    probe = {"name": PROBE, "outputs": shapes["2.bias"][0]}
-    return {"problem": problem.name, "observations": observations, "shapes": shapes, "probe": probe}
+    tables = {name: values.size for name, values in tables_of(policy).items()}
+    sizes = {"layers": policy.actor.sizes.tolist(), "widest": policy.actor.widest, "units": policy.actor.units}
+    return {"problem": problem.name, "observations": observations, "tables": tables, "probe": PROBE, **sizes}

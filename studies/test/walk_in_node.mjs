@@ -5,7 +5,7 @@ import {gunzipSync} from "node:zlib";
 import {pathToFileURL} from "node:url";
 
 const folder = process.argv[2], module = (name) => import(pathToFileURL(`${folder}/${name}.js`));
-const [{load}, {Controller}, {Robot}, {robotMjcf}, {readPolicy}, {RowMaker}] = await Promise.all(["load", "controller", "robot", "plant", "policy", "rows"].map(module));
+const [{load}, {Controller}, {Robot}, {robotMjcf}, {takePolicy}, {RowMaker}] = await Promise.all(["load", "controller", "robot", "plant", "policy", "rows"].map(module));
 
 async function read(name) {
   const {buffer, byteOffset, byteLength} = gunzipSync(await readFile(`${folder}/${name}`));
@@ -15,8 +15,8 @@ async function read(name) {
 const QUESTIONS = {
   // torques at recorded states, how exact the answers of the QP are, and what is drawn
   torques({name, states}) {
-    const {compiled, numbers, policies} = parts, choice = numbers.controllers[name];
-    const controller = new Controller(compiled, choice, numbers.gaits, policies[choice.policy]);
+    const {compiled, numbers} = parts, choice = numbers.controllers[name];
+    const controller = new Controller(compiled[name], choice);
     const maker = Object.assign(new RowMaker(choice.about, numbers.plant), {eps: choice.about.eps});
     return states.map((state) => {
       const output = controller.step(state);
@@ -38,7 +38,8 @@ const QUESTIONS = {
   // what is said of files that may be no policies, as base64
   policies: ({files}) => files.map((file) => {
     try {
-      return readPolicy(Uint8Array.from(Buffer.from(file, "base64")).buffer, parts.numbers.policy, parts.compiled) && "read";
+      takePolicy(Uint8Array.from(Buffer.from(file, "base64")).buffer, parts.numbers.policy, parts.compiled.learned);
+      return "read";
     } catch (error) {
       return error.message;
     }

@@ -77,8 +77,7 @@ def test_what_is_changed_acts(chromium: Chromium, address: str) -> None:
     page.drag("#mass_scale", 0.4)
     page.wait(f"{now}.mass_scale < 1.9 && {robots}.every((r) => r.episode.plant.settings.mass_scale < 1.9)")
     page.drag("#first_eps", 0.5)
-    place = f"{robots}[0].controller.choice.places.eps[0]"
-    page.wait(f"{now}.first_eps > 0.05 && {robots}[0].controller.p[{place}] === {now}.first_eps")
+    page.wait(f"{now}.first_eps > 0.05 && {robots}[0].controller.eps === {now}.first_eps")
     page.drag("#stone_width", 0.6)
     last = f"{robots}[0].episode.terrain.placed.at(-1)"
     page.wait(f"{now}.stone_width > 0.1 && Math.abs({last}[1] - {last}[0] - {now}.stone_width) < 1e-9")
@@ -104,15 +103,17 @@ def test_a_link_holds_the_papers_comparison(chromium: Chromium, address: str) ->
 
 
 def test_a_policy_file_is_dropped(chromium: Chromium, address: str) -> None:
-    page = chromium.open(address)
+    page = chromium.open(f"{address}#first=learned&mass_scale=1")
     page.wait(WALKS)
     for name, data in (("worse", policy_path("rl-clf-qp").read_bytes()), ("none", b"nothing")):
         drop(page, name, data)
     page.wait("rabbit.state.refused === 2")
-    before = page.look("rabbit.source.player.parts.policies.learned.keptAt")
+    learned = "rabbit.source.player.parts.compiled.learned"
+    first_weight = f"{learned}.numbers({learned}.exports.policy_weights.value, 1, Float32Array)[0]"
+    before = page.look(first_weight)
     drop(page, "other.safetensors", policy_path("rl-cbf-clf-qp-scale-0.7").read_bytes())
     page.wait("rabbit.state.walk.walkers[0].marks.some(({kind}) => kind === 'swapped')")
-    assert page.look("rabbit.source.player.robots[0].controller.policy.keptAt") != before
+    assert page.look(first_weight) != before
     assert page.errors == []
 
 

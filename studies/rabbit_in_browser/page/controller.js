@@ -1,87 +1,64 @@
-// One controller: which leg stands, the step's path, the compiled tick. As controller.py.
+// One exported controller with its memory, for one robot.
 
-import {Steps} from "./steps.js";
+const FAULTS = {2: "no solver answered", 3: "torque not finite"};
 
 export class Controller {
-  // `choice`: the numbers of a controller, see build.py; `policy`: where the compiled code finds one
-  constructor(compiled, choice, gaits, policy) {
-    const {functions} = compiled;
-    Object.assign(this, {choice, policy, tick: functions[choice.tick], outputs: functions.outputs, feet: functions.feet});
-    this.p = [...choice.p];
-    this.steps = new Steps(gaits[choice.gait], choice.stone_aim, this.outputs);
-    Object.assign(this, {stance: 0, index: 0, startTick: 0, isNew: true, held: [0, 0, 0, 0]});
-    this.forget();
-    this.follow(this.steps.first());
+  // `choice`: the layouts of a controller, see numbers.py
+  constructor(compiled, choice) {
+    Object.assign(this, {compiled, choice});
+    const {memory, reading, settings, report} = choice;
+    this.at = [memory, reading.size, settings.size, report.size].map((size) => compiled.reserve(size));
+    compiled.exports.controller_first(this.at[0]);
+    compiled.exports.controller_settings(this.at[2]);
+    this.compiled.numbers(this.at[1], reading.size).fill(0);
+  }
+
+  close() {
+    this.compiled.release(...this.at);
+  }
+
+  get memory() {
+    return this.compiled.numbers(this.at[0], this.choice.memory);
+  }
+
+  get settings() {
+    return this.compiled.numbers(this.at[2], this.choice.settings.size);
+  }
+
+  // go on where another controller of the same layout is
+  follow(other) {
+    this.memory.set(other.memory);
+    this.settings.set(other.settings);
   }
 
   // the gain may change between two ticks; a difference of V under two gains measures nothing
   set eps(eps) {
-    if (this.p[this.choice.places.eps[0]] !== eps) this.last = null;
-    this.put({eps: [eps]});
+    const {places} = this.choice.settings;
+    this.settings[places.eps[0]] = eps;
+  }
+
+  get eps() {
+    return this.settings[this.choice.settings.places.eps[0]];
   }
 
   // the torque, left before right, and all that was seen and decided; `fault`: why the walk must end
   step(state) {
-    if (state.applied) {
-      this.held = state.applied;
-      this.torque = this.relabelled(state.applied);
-    }
-    const fault = this.swapLegs(state);
-    if (this.isNew) this.beginStep(state);
-    const x = [...this.coordinates(state.q), ...this.coordinates(state.dq)];
-    const force = state.force[this.stance], {l_min, l_max} = state.preview;
-    this.put({l_min: [l_min], l_max: [l_max], height: [0], force, held: this.relabelled(this.held)});
-    const before = this.last?.tick === state.tick - 1 ? this.last.leaves : this.nothing;
-    const values = this.tick({x, p: this.p, path: this.path.row, torque: this.torque, before, policy: this.policy});
-    this.last = {tick: state.tick, leaves: values.leaves};
-    const isSolved = values.residual[0] < this.choice.tolerance, limit = this.choice.about.torque_limit;
-    const wanted = Array.from(isSolved ? values.u : values.control_b);
-    this.torque = wanted.map((each) => Math.min(Math.max(each, -limit), limit));
-    this.held = this.relabelled(this.torque);
-    return {values, torque: this.held, stance: this.stance, index: this.index, fault: fault || (isSolved ? "" : "no solver answered")};
-  }
-
-  // hips and knees, left before right <-> stance before swing
-  relabelled(joints) {
-    return this.stance === 1 ? [...joints.slice(2), ...joints.slice(0, 2)] : joints;
-  }
-
-  coordinates(q) {
-    return [...q.slice(0, 3), ...this.relabelled(q.slice(3))];
-  }
-
-  put(values) {
-    for (const [name, value] of Object.entries(values)) value.forEach((each, i) => { this.p[this.choice.places[name][0] + i] = each; });
-  }
-
-  forget() {
-    this.torque = [NaN, NaN, NaN, NaN];
-    this.nothing ??= new Float64Array(this.choice.left).fill(NaN);
-    this.last = null;
-  }
-
-  swapLegs({tick, q, dq, contact, touchdowns}) {
-    const {swap_time: time, swap_phase: phase, tick_seconds: seconds} = this.choice;
-    if (contact[1 - this.stance] && (tick - this.startTick) * seconds > time && this.phase(q, dq) > phase) {
-      Object.assign(this, {stance: 1 - this.stance, index: this.index + 1, startTick: tick, isNew: true});
-      this.forget();
-    }
-    return touchdowns === this.index ? "" : `contact disagreement: ${touchdowns} touchdowns, ${this.index} steps`;
-  }
-
-  phase(q, dq) {
-    return this.outputs({q: this.coordinates(q), dq: this.coordinates(dq), scale: this.path.scale, path: this.path.row}).phase[0];
-  }
-
-  beginStep({q, dq, preview}) {
-    const [now, rates] = [this.coordinates(q), this.coordinates(dq)];
-    const {swing} = this.feet({q: now, joints: this.choice.joints, feet: this.choice.feet});
-    this.follow(this.steps.begin(now, rates, -swing[0], preview));
-    this.isNew = false;
-  }
-
-  follow(path) {
-    this.path = path;
-    this.put({phase_scale: path.scale, step_length: [this.steps.wanted]});
+    const {tick, touchdowns, q, dq, force, contact, applied, preview} = state, {places, size} = this.choice.reading;
+    const given = {
+      tick: [tick], touchdowns: [touchdowns], q, dq, foot_force: force.flat(), contact: contact.map(Number),
+      applied: applied ?? [NaN, NaN, NaN, NaN], stone: [preview.index, preview.l_min, preview.l_max, 0],
+    };
+    const reading = this.compiled.numbers(this.at[1], size);
+    for (const [name, values] of Object.entries(given)) reading.set(values, places[name][0]);
+    const isRefused = this.compiled.exports.controller_step(...this.at) !== 0;
+    const row = this.compiled.numbers(this.at[3], this.choice.report.size).slice();
+    const part = (name) => row.subarray(...this.choice.report.places[name]), number = (name) => part(name)[0];
+    const {estimates, about: {quantities}} = this.choice;
+    const none = {alpha: new Float64Array(4 * quantities.length), beta: new Float64Array(quantities.length)};
+    const values = Object.fromEntries(["V", "barriers", "measured", "nominal_a", "nominal_b", "mu", "slack_sums", "residual"].map((name) => [name, part(name)]));
+    for (const name of ["alpha", "beta"]) values[name] = this.choice.is_learned ? part(name) : estimates[name] ? part(estimates[name]) : none[name];
+    const [stance, index] = [number("stance"), number("index")];
+    const disagreement = number("fault") === 1 ? `contact disagreement: ${touchdowns} touchdowns, ${index} steps` : FAULTS[number("fault")] ?? "";
+    return {values, torque: Array.from(part("command")), stance, index, fault: isRefused ? "the state is refused" : disagreement};
   }
 }

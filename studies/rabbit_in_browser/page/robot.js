@@ -11,11 +11,11 @@ const LIMP_TICKS = 150; // of a robot that no controller moves any more, at most
 export class Robot {
   // `parts`: see load.js; `choice`: name of its controller; `settings`: of the page
   constructor(parts, choice, settings, eps) {
-    const {mujoco, compiled, numbers, policies} = parts, chosen = numbers.controllers[choice];
+    const {mujoco, compiled, numbers} = parts, chosen = numbers.controllers[choice];
     const {near, starts} = numbers.courses[settings.seed - 1];
-    this.name = choice;
+    Object.assign(this, {name: choice, parts});
     this.episode = new Episode(mujoco, numbers.plant, settings, {near, ...starts[chosen.gait]});
-    this.controller = new Controller(compiled, chosen, numbers.gaits, policies[chosen.policy]);
+    this.controller = new Controller(compiled[choice], chosen);
     this.maker = new RowMaker(chosen.about, numbers.plant);
     this.about = {...chosen.about, eps, name: choice, stones: numbers.plant.stones, columns: chosen.columns};
     Object.assign(this, {pushedUntil: 0, isSwapped: false, next: null, limp: 0, outcome: "", fault: ""});
@@ -41,9 +41,15 @@ export class Robot {
     this.next = settings;
   }
 
-  swap(policy) {
-    this.controller.policy = policy;
+  // another policy acts from the next tick on; `name`: of the controller that has it, with the parameters of this one
+  swap(name = this.name) {
+    const old = this.controller, {compiled, numbers} = this.parts;
     this.isSwapped = true;
+    if (name === this.name) return;
+    this.controller = new Controller(compiled[name], numbers.controllers[name]);
+    this.controller.follow(old);
+    old.close();
+    this.name = this.about.name = name;
   }
 
   tick() {
@@ -78,6 +84,7 @@ export class Robot {
   }
 
   close() {
+    this.controller.close();
     this.episode.plant.close();
   }
 }

@@ -22,10 +22,10 @@ export class RowMaker {
     const age = state.tick - this.start[0], bound = this.start[1] * Math.exp((-this.about.clf_rate / this.eps) * age * this.numbers.tick_seconds);
     if (Math.max(...torque.map(Math.abs)) > this.about.torque_limit - ROUNDING) events = [...events, "saturated"];
     if (ratio > this.about.friction_coeff && age >= IMPACT_TICKS) events = [...events, "over_cone"];
-    const bits = events.reduce((sum, name) => sum | EVENTS[name], 0), slack = (isRescue) => values.slack.reduce((sum, each, i) => sum + (this.about.rescues[i] === isRescue ? each : 0), 0);
+    const bits = events.reduce((sum, name) => sum | EVENTS[name], 0);
     return [
       state.tick, 1, bits, stance, index, state.touchdowns, ...points.flat(), ...this.stone, 0, ...force, ratio,
-      V, bound, slack(false), slack(true), ...torque, ...values.barriers, ...this.errors(state.tick, values),
+      V, bound, ...values.slack_sums, ...torque, ...values.barriers, ...this.errors(state.tick, values),
     ];
   }
 

@@ -1,7 +1,7 @@
 // Plays the walk in the page itself, in place of the server of `rabbit play`: the same words and rows, as play/player.py.
 
 import {load} from "./load.js";
-import {readPolicy} from "./policy.js";
+import {takePolicy} from "./policy.js";
 import {Robot} from "./robot.js";
 
 const STEP = 4, STATE_EVERY = 30, BEHIND = 250; // ms
@@ -92,11 +92,11 @@ class Player {
     this.chosen = settings;
     for (const robot of this.robots) {
       const name = settings[robot.place], eps = settings[`${robot.place}_eps`];
-      const isSame = name !== "none" && ["tick", "gait"].every((key) => controllers[name][key] === controllers[robot.name][key]);
-      if (name !== robot.name && isSame) {
-        robot.swap(this.parts.policies[controllers[name].policy]);
-        robot.name = robot.about.name = this.settings[robot.place] = name;
-        this.on.word({type: "swap", tick: this.tickOfWalk, version: controllers[name].policy});
+      const [asked, present] = [name, robot.name].map((each) => JSON.stringify(controllers[each]?.parameters));
+      if (name !== robot.name && asked === present) {
+        robot.swap(name);
+        this.settings[robot.place] = name;
+        this.on.word({type: "swap", tick: this.tickOfWalk, version: controllers[name].is_learned ? "learned" : "zero"});
       }
       if (name === robot.name) {
         robot.eps = this.settings[`${robot.place}_eps`] = eps;
@@ -158,12 +158,9 @@ class Player {
   // a policy file: from now on "learned" is that one
   async load(name, buffer) {
     try {
-      const {compiled, numbers, policies} = this.parts;
-      const old = policies.learned;
-      policies.learned = readPolicy(buffer, numbers.policy, compiled);
-      const learned = this.robots.filter((robot) => numbers.controllers[robot.name].policy === "learned");
-      for (const robot of learned) robot.swap(policies.learned);
-      compiled.release(old);
+      const {compiled, numbers} = this.parts, isLearned = (name) => numbers.controllers[name].is_learned;
+      takePolicy(buffer, numbers.policy, compiled[Object.keys(compiled).find(isLearned)]);
+      for (const robot of this.robots) if (isLearned(robot.name)) robot.swap();
       this.on.word({type: "swap", tick: this.tickOfWalk, version: name});
     } catch (error) {
       this.refuse(error);
