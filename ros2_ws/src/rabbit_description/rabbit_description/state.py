@@ -146,12 +146,6 @@ class RobotState:
             applied=np.array(message.applied),
         )
 
-    def with_q(self, q: Array) -> "RobotState":
-        """The same but for `q`; as `dataclasses.replace` has it, in a tenth of the time."""
-        state = object.__new__(type(self))
-        state.__dict__.update(self.__dict__, q=q)
-        return state
-
     @property
     def joints(self) -> tuple[Array, Array]:
         """Angles and rates (4,) of the joints as measured, rad, rad/s: views, which may be written to."""

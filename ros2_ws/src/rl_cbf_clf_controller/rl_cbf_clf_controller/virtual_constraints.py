@@ -14,7 +14,6 @@ it y'' and the error of every estimate. `step_begin.py` has what the correction 
 """
 
 from collections.abc import Mapping
-from copy import copy
 from dataclasses import dataclass
 from math import comb
 from typing import Protocol
@@ -168,7 +167,7 @@ class Outputs:
 
 
 class VirtualConstraints:
-    """The outputs of a path as numbers. One object, with all that it makes by `with_row`, serves one thread.
+    """The outputs of a path as numbers. One object serves one thread.
 
     `row`: the numbers of the path; `scale` (2,): what turns a phase angle into a phase, `phase_scale` of
     `OutputExpressions`.
@@ -178,12 +177,6 @@ class VirtualConstraints:
         self._outputs, self._phase, self._desired = output_functions(angles)
         span = path.phase_angle_end - path.phase_angle_start
         self.row, self.scale = path_row(path), np.array([1 / span, path.phase_angle_start / span])
-
-    def with_row(self, row: Array, scale: Array) -> "VirtualConstraints":
-        """Those of another path, with the same functions."""
-        other = copy(self)
-        other.row, other.scale = row, scale
-        return other
 
     def desired(self, phase: float) -> tuple[Array, Array, Array]:
         """The controlled angles (m,) at a phase, rad, and two derivatives in the phase."""

@@ -67,7 +67,9 @@ class Steps:
 
     def _follow(self, found: Values) -> VirtualConstraints:
         self._kept = found.steps_after
-        return self._outputs.with_row(found.path, found.phase_scale)
+        outputs = copy(self._outputs)
+        outputs.row, outputs.scale = found.path, found.phase_scale
+        return outputs
 
 
 def for_numpy(function: ca.Function) -> NumpyFunction:
