@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Callable
 from contextlib import closing
+from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 from unittest.mock import patch
@@ -15,8 +16,10 @@ import numpy as np
 from cbf_clf_qp.compiled import CACHE, COMPILE
 from rabbit_experiments.assembly import Assembly, resolve_policy
 from rabbit_experiments.evaluation import walk
+from rabbit_sim.c_example import write_example
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.plant import SUBSTEPS
+from rl_cbf_clf_controller.export import export
 from rl_cbf_clf_controller.parameters import load_parameters
 
 from rabbit_campaigns.batch_bench import bench_batch
@@ -52,7 +55,7 @@ def bench(seed: int) -> dict[str, float]:
         figures[f"best.walk_over_engine.{plant}"] = walk_over_engine(assembly_of("best", plant), seed)
     many = bench_batch(assembly_of("best", "mujoco"), ROBOTS, BATCH_TICKS, seed)
     figures["best.batch_share"] = many["ratios"]["a batch's rate / the bare rollout's"]
-    return figures | first_tick_seconds()
+    return figures | exported_tick(assembly_of("best", "mujoco"), seed) | first_tick_seconds()
 
 
 def act_us(assembly: Assembly, seed: int) -> tuple[float, float]:
@@ -122,6 +125,17 @@ def bare_steps(plant: Any) -> Callable[[], float]:
         return time.perf_counter() - start
 
     return mujoco_steps
+
+
+def exported_tick(assembly: Assembly, seed: int) -> dict[str, float]:
+    """Of the exported C, a million ticks of a walk: median and worst."""
+    simulation, controller = assembly.build()
+    with TemporaryDirectory() as folder, closing(simulation):
+        export(controller, Path(folder))
+        write_example(Path(folder), simulation, seed)
+        subprocess.run(["make", "-s"], cwd=folder, check=True)
+        told = subprocess.run(["./example", "--bench"], cwd=folder, check=True, stdout=subprocess.PIPE).stdout
+    return {f"export.{name}": json.loads(told)[name] for name in ("tick_us", "worst_us")}
 
 
 def first_tick_seconds() -> dict[str, float]:
