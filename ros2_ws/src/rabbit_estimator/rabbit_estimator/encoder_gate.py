@@ -8,53 +8,24 @@ The first is the usual one (Bar-Shalom, Li, Kirubarajan 2001, section 5.7). For 
 impact's innovation is not Gaussian, and reached 15 in 10,572 ticks on twenty plants. The second one holds in the tick
 of an impact, when S is large: on those plants no impact changed a rate by more than 22 rad/s, or moved an angle by more
 than 0.17 rad from where it was expected (3,929 ticks).
-An encoder that was refused in `PATIENCE` ticks in a row may have slipped: its zero is then no longer known, so that it
-is used again.
+An encoder that was refused for `PATIENCE` seconds in a row may have slipped: its zero is then no longer known, so that
+it is used again.
 """
 
-from dataclasses import dataclass
-
-import numpy as np
-from rabbit_description.state import JOINTS, Array
+import casadi as ca
 
 GATE = 20.0
 JUMP = 0.2  # rad
-PATIENCE = 5  # ticks
+PATIENCE = 0.05  # s
 
 
-@dataclass(frozen=True)
-class Innovation:
-    """What a tick measured less what the filter expected, (m,), and its covariance, (m, m).
-
-    The first four are the encoders' angles, the next four their rates.
-    """
-
-    value: Array
-    covariance: Array
-
-    @property
-    def nis(self) -> float:
-        """Normalised innovation squared: chi-square with m degrees of freedom for a consistent filter."""
-        return float(self.value @ np.linalg.solve(self.covariance, self.value))
+def is_accepted(angle: ca.SX, rate: ca.SX, covariance: ca.SX) -> ca.SX:
+    """Whether a joint's innovation, with its covariance (2, 2), is to be used."""
+    (a, c), (_, b) = (ca.horzsplit(row) for row in ca.vertsplit(covariance))
+    is_near = ca.logic_not((b * angle**2 - 2 * c * angle * rate + a * rate**2) / (a * b - c**2) > GATE**2)
+    return ca.logic_and(is_near, ca.fabs(angle) <= ca.fmax(JUMP, 2 * ca.sqrt(a)))
 
 
-class EncoderGate:
-    """`refused` (4,): for how many ticks in a row each joint has been."""
-
-    def __init__(self) -> None:
-        self.refused = np.zeros(JOINTS, dtype=int)
-
-    def accepted(self, innovation: Innovation) -> Array:
-        """Which rows of the innovation, (m,) of bool, are to be used."""
-        rows = np.ones(len(innovation.value), dtype=bool)
-        for joint in range(JOINTS):
-            own = [joint, JOINTS + joint]
-            value, covariance = innovation.value[own], innovation.covariance[np.ix_(own, own)]
-            far = value @ np.linalg.solve(covariance, value) > GATE**2
-            rows[own] = not far and abs(value[0]) <= max(JUMP, 2 * np.sqrt(covariance[0, 0]))
-            self.refused[joint] = 0 if rows[joint] else self.refused[joint] + 1
-        return rows
-
-    def lost(self) -> list[int]:
-        """Joints whose encoder has been refused for too long."""
-        return np.flatnonzero(self.refused >= PATIENCE).tolist()
+def is_lost(ticks: ca.SX, tick_seconds: ca.SX) -> ca.SX:
+    """Whether an encoder has been refused for too long: for so many ticks in a row."""
+    return ticks >= ca.fmax(ca.floor(PATIENCE / tick_seconds + 0.5), 1)

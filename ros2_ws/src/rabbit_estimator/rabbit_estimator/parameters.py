@@ -1,9 +1,11 @@
 """What the state estimator assumes of its sensors and of the robot's motion."""
 
-from math import pi, sqrt
+from math import pi
 from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
+from rabbit_description.state import TICK_SECONDS
+from rabbit_description.tick import ABOUT_TICK, TickSeconds
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
@@ -21,6 +23,7 @@ class EstimatorParameters(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
+    tick_seconds: TickSeconds = Field(TICK_SECONDS, description=ABOUT_TICK)
     encoder_resolution: Positive = Field(2 * pi / 2**14, description="step of the joint angles, rad")
     rate_window: Positive = Field(0.002, description="time over which an encoder's drive takes the rate, s")
     encoder_offset: Positive = Field(1e-3, description="std of a joint angle's constant error, rad")
@@ -49,10 +52,10 @@ class EstimatorParameters(BaseModel):
     shock_speed: Positive = Field(0.02, description="error of the hip's speed, integrated, over its change in a shock")
     foot_radius: float = Field(0.002, ge=0, le=0.1, description="radius of the round feet, m")
     foot_slide: Positive = Field(1e-4, description="std of where the stance foot is seen to stand, m")
-    foot_roll: Positive = Field(5e-6, description="std of the stance foot's movement in a tick, m")
+    foot_roll: Positive = Field(5e-6, description="std of the stance foot's movement in 10 ms, m")
     foot_speed: Positive = Field(0.001, description="std of the stance foot's speed, m/s")
     landing_speed: Positive = Field(0.15, description="std of a foot's speed in the tick in which it lands, m/s")
-    settling: float = Field(0.2, ge=0, lt=1, description="share of landing_speed that is left a tick later")
+    settling: float = Field(0.2, ge=0, lt=1, description="share of landing_speed that is left 10 ms later")
     landing_shift: Positive = Field(5e-4, description="std of where a foot comes to rest, m")
     compliance: float = Field(1e-6, ge=0, description="mean of how far a foot and its ground sink for a force, m/N")
     compliance_error: Positive = Field(1e-5, description="std of the compliance, m/N")
@@ -64,13 +67,3 @@ class EstimatorParameters(BaseModel):
         """With the errors that a simulation's parameters give the sensors: those of the same name, but for zeros."""
         errors = {name: getattr(sensors, name, 0.0) for name in cls.model_fields}
         return cls(**{name: value for name, value in errors.items() if value > 0})
-
-    @property
-    def angle_noise(self) -> float:
-        """Of an encoder's rounding, rad."""
-        return self.encoder_resolution / sqrt(12)
-
-    @property
-    def rate_noise(self) -> float:
-        """Of the rate between two rounded angles, rad/s."""
-        return sqrt(2) * self.angle_noise / self.rate_window
