@@ -75,7 +75,8 @@ MEMORY = Layout(
 )
 SENSORS = Layout({"tick": 1, **GROUND, **BODY})
 SETTINGS = Layout(dict.fromkeys(EstimatorParameters.model_fields, 1))
-NOT_NEXT, LOST = len(BODY) + 1, len(BODY) + 2  # why a tick is refused; less: which of BODY is not finite
+REFUSALS = *BODY, "tick, not the next one", "state, lost in too large numbers"  # from 1; of BODY what is not finite
+NOT_NEXT, LOST = len(BODY) + 1, len(BODY) + 2
 
 
 class EstimatorError(ValueError):
@@ -89,12 +90,12 @@ class LostError(EstimatorError):
 class ContactAidedFilter:
     """One robot's state, tick by tick: `update` takes what its sensors say and fills in `q` and `dq`.
 
-    `found`: what `estimate_state` gave of the last tick, from `tick`, -1 before the first, to `refused`. One thread at
-    a time uses filters.
+    `settings`: the parameters as a row. `found`: what `estimate_state` gave of the last tick, from `tick`, -1 before
+    the first, to `refused`. One thread at a time uses filters.
     """
 
     def __init__(self, parameters: EstimatorParameters) -> None:
-        self._settings = np.array([getattr(parameters, name) for name in SETTINGS.places])
+        self.settings = np.array([getattr(parameters, name) for name in SETTINGS.places])
         self.found = estimate_state().values(np.zeros(estimate_state().row.size))
         self.found.tick[:] = -1
 
@@ -108,7 +109,7 @@ class ContactAidedFilter:
         sensors = state.sensors
         if sensors is None:
             raise EstimatorError("state.sensors = None: expected encoders and IMU, as the simulator's sensors lab give")
-        found = estimate_state()(self.found.row[: MEMORY.size], sensors_row(state, sensors), self._settings)
+        found = estimate_state()(self.found.row[: MEMORY.size], sensors_row(state, sensors), self.settings)
         refused = int(found.refused[0])
         if refused == LOST:
             raise LostError(f"the estimator cannot go on: q = {found.q}, dq = {found.dq}: expected finite numbers")
