@@ -77,7 +77,7 @@ def compiled(controller: Controller, zig: Path, daqp: Path, cache: Path) -> byte
         export(controller, folder, daqp)
         exports = ["controller_first", "controller_settings", "controller_step", "malloc", "free"]
         if isinstance(controller.policy, ActorPolicy):
-            exports += ["forward", *tables_of(controller.policy)]
+            exports += ["policy_forward", *tables_of(controller.policy)]
         options = ["-target", LIBC, "-mexec-model=reactor", "-O2", "-fno-builtin", "-ffp-contract=off", "-w", "-g0"]
         options += ["-Wl,--strip-all", *(f"-Wl,--export={name}" for name in exports)]
         include = folder / "daqp" / "include"

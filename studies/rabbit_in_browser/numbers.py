@@ -6,7 +6,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 from cbf_clf_qp.constraints import ResClf
-from cbf_clf_qp.functions import Place
+from cbf_clf_qp.functions import Layout, Place
 from rabbit_description.gait import load_gaits
 from rabbit_description.state import TICK_SECONDS
 from rabbit_experiments.assembly import Assembly, resolve_policy
@@ -24,7 +24,6 @@ from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.export import report_of, tables_of
 from rl_cbf_clf_controller.parameters import ControllerParameters, load_parameters
 from rl_cbf_clf_controller.policy import ActorPolicy
-from rl_cbf_clf_controller.step import Layout
 from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP
 from rl_cbf_clf_controller.weights import PROBE
 

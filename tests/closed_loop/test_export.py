@@ -1,12 +1,17 @@
 """What `rabbit export` writes: compiled, it walks as in Python."""
 
+import ctypes
+import re
 import subprocess
+from dataclasses import astuple, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from cbf_clf_qp.daqp_source import SourceError, unpack_daqp
-from rabbit_experiments.assembly import Assembly, resolve_policy
+from rabbit_estimator.contact_aided_filter import sensors_row
+from rabbit_experiments.assembly import Assembly, exported_estimator, resolve_policy
 from rabbit_sim.c_example import write_example
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.export import ExportError, export
@@ -17,13 +22,13 @@ SEED, STONES = 17, 6
 
 
 def walked_in_python_and_c(
-    name: str, policy: str, folder: Path, mass_scale: float = 2.0, daqp: Path | None = None
+    name: str, policy: str, folder: Path, daqp: Path | None = None, **plant: Any
 ) -> tuple[np.ndarray, np.ndarray, str]:
     """The torques of all ticks, and what the program says."""
     parameters = load_parameters(name, "stones", qp_solver="daqp")
-    plant = SimulationParameters(plant="mujoco", mass_scale=mass_scale, stones=STONES)
-    simulation, controller = Assembly(plant, parameters, resolve_policy(policy, parameters)).build()
-    export(controller, folder, daqp)
+    robot = SimulationParameters(**{"plant": "mujoco", "mass_scale": 2.0, "stones": STONES, **plant})
+    simulation, controller = Assembly(robot, parameters, resolve_policy(policy, parameters)).build()
+    export(controller, folder, daqp, exported_estimator(robot))
     write_example(folder, simulation, SEED)
     subprocess.run(["make", "-s", "-C", folder], check=True)
     said = subprocess.run(["./example", "torques"], cwd=folder, check=True, capture_output=True, text=True).stdout
@@ -37,15 +42,19 @@ def walked_in_python_and_c(
 
 
 THOROUGH = pytest.mark.thorough
-CASES = [("ours", "zero", 1.0), pytest.param("best", "zero", 2.0, marks=THOROUGH)]
-CASES.append(pytest.param("ours", "rl-cbf-clf-qp", 2.0, marks=THOROUGH))
+CASES = [
+    ("ours", "zero", {"mass_scale": 1.0}),
+    pytest.param("best", "zero", {}, marks=THOROUGH),
+    pytest.param("ours", "rl-cbf-clf-qp", {}, marks=THOROUGH),
+    pytest.param("best", "zero", {"sensors": "lab"}, marks=THOROUGH),
+]
 
 
-@pytest.mark.parametrize(("name", "policy", "mass_scale"), CASES)
-def test_each_torque_has_the_bits_of_pythons(name: str, policy: str, mass_scale: float, tmp_path: Path) -> None:
-    in_python, in_c, said = walked_in_python_and_c(name, policy, tmp_path, mass_scale)
+@pytest.mark.parametrize(("name", "policy", "plant"), CASES)
+def test_each_torque_has_the_bits_of_pythons(name: str, policy: str, plant: dict[str, Any], tmp_path: Path) -> None:
+    in_python, in_c, said = walked_in_python_and_c(name, policy, tmp_path, **plant)
     assert in_c.tobytes() == in_python.tobytes()
-    assert f"in {len(in_python)} ticks" in said
+    assert said == f"{STONES} of {STONES} stones in {len(in_python)} ticks\n"
 
 
 @THOROUGH
@@ -57,6 +66,53 @@ def test_daqps_source_has_the_bits_of_casadis_library(tmp_path: Path) -> None:
     in_python, in_c, _ = walked_in_python_and_c("best", "zero", tmp_path / "out", daqp=source)
     assert in_c.tobytes() == in_python.tobytes()
     assert (tmp_path / "out" / "daqp" / "src" / "api.o").is_file()
+
+
+@THOROUGH
+def test_a_call_says_what_is_wrong_and_a_tick_calls_nothing_that_waits(tmp_path: Path) -> None:
+    """With the library that it makes, called from here."""
+    parameters = load_parameters("best", "stones", qp_solver="daqp")
+    robot = SimulationParameters(plant="mujoco", sensors="lab", mass_scale=2.0)
+    simulation, controller = Assembly(robot, parameters, "zero").build()
+    export(controller, tmp_path, None, exported_estimator(robot))
+    write_example(tmp_path, simulation, SEED)
+    subprocess.run(["make", "-s", "-C", tmp_path, "daqp/daqp.a"], check=True)
+    flags = ["-O0", "-w", "-shared", "-fPIC", "-Idaqp/include", "-Idaqp/include/daqp"]
+    made = [*flags, "controller.c", "daqp/daqp.a", "-lm", "-o", "made.so"]
+    subprocess.run(["cc", *made], cwd=tmp_path, check=True)
+    called = subprocess.run(["nm", "-Du", "made.so"], cwd=tmp_path, check=True, capture_output=True, text=True).stdout
+    assert not re.search("alloc|free|pthread|open", called)
+
+    library, text = ctypes.CDLL(str(tmp_path / "made.so")), (tmp_path / "controller.h").read_text()
+    at = {name: int(place) for name, place in re.findall(r"#define (\w+) (\d+)", text)}
+    memory, sensors, reading, settings, report = (
+        (ctypes.c_double * at[f"{name}_SIZE"])() for name in ("MEMORY", "SENSORS", "READING", "SETTINGS", "REPORT")
+    )
+    first = simulation.reset(SEED)
+
+    def code(tick: int, **changes: float) -> int:
+        """Of a tick of the robot as it stands at first."""
+        assert first.sensors
+        assert first.preview
+        library.controller_settings(settings)
+        said = sensors_row(replace(first, tick=tick), first.sensors)
+        sensors[:] = np.nan_to_num(said)
+        reading[at["READING_STONE"] : at["READING_STONE"] + 4] = astuple(first.preview)
+        for name, value in changes.items():
+            row = {"SENSORS": sensors, "READING": reading, "SETTINGS": settings}[name.split("_")[0]]
+            row[at[name]] = value
+        before = bytes(memory)
+        found = int(library.controller_step_from_sensors(memory, sensors, reading, settings, report))
+        assert (bytes(memory) == before) == (found in (3, 8, 12))
+        return found
+
+    library.controller_first(memory)
+    assert code(1) == 12
+    assert [code(0), code(1), code(3), code(2)] == [0, 0, 12, 0]
+    assert code(3, SENSORS_JOINT_RATES=np.nan) == 8
+    assert code(3, READING_STONE=7.0) == 3
+    assert code(3, SETTINGS_EPS=np.nan) == 5
+    assert code(4, READING_TOUCHDOWNS=2.0) == 3
 
 
 def test_what_is_python_is_refused(tmp_path: Path) -> None:

@@ -4,8 +4,8 @@ from pathlib import Path
 
 from setuptools import setup
 
-LIBRARIES = ["numpy>=2", "pydantic>=2"]
-PACKAGES = ["rabbit_description", "rabbit_common"]
+LIBRARIES = ["casadi>=3.8", "numpy>=2", "pydantic>=2"]
+PACKAGES = ["cbf_clf_qp", "rabbit_description", "rabbit_common"]
 BESIDE = Path(__file__).resolve().parents[1]
 
 # where the packages lie; colcon reads no address without a host

@@ -50,7 +50,7 @@ export class Controller {
     };
     const reading = this.compiled.numbers(this.at[1], size);
     for (const [name, values] of Object.entries(given)) reading.set(values, places[name][0]);
-    const isRefused = this.compiled.exports.controller_step(...this.at) !== 0;
+    this.compiled.exports.controller_step(...this.at);
     const row = this.compiled.numbers(this.at[3], this.choice.report.size).slice();
     const part = (name) => row.subarray(...this.choice.report.places[name]), number = (name) => part(name)[0];
     const {estimates, about: {quantities}} = this.choice;
@@ -59,6 +59,6 @@ export class Controller {
     for (const name of ["alpha", "beta"]) values[name] = this.choice.is_learned ? part(name) : estimates[name] ? part(estimates[name]) : none[name];
     const [stance, index] = [number("stance"), number("index")];
     const disagreement = number("fault") === 1 ? `contact disagreement: ${touchdowns} touchdowns, ${index} steps` : FAULTS[number("fault")] ?? "";
-    return {values, torque: Array.from(part("command")), stance, index, fault: isRefused ? "the state is refused" : disagreement};
+    return {values, torque: Array.from(part("command")), stance, index, fault: number("refused") ? "the state is refused" : disagreement};
   }
 }

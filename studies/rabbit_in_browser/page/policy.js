@@ -42,7 +42,7 @@ function outputsOf(compiled, sizes, widest, units, weights, biases, scaled) {
   const at = parts.map(([values]) => compiled.reserve(values.length)), last = widest + units - sizes[3];
   at[4] = compiled.reserve(widest + units);
   parts.forEach(([values, Kind], i) => compiled.numbers(at[i], values.length, Kind).set(values));
-  compiled.exports.forward(1n, at[0], BigInt(widest), at[1], at[2], at[3], at[4]);
+  compiled.exports.policy_forward(1n, at[0], BigInt(widest), at[1], at[2], at[3], at[4]);
   const found = Array.from(compiled.numbers(at[4], widest + units).slice(last));
   compiled.release(...at);
   return found;

@@ -145,6 +145,31 @@ class NumpyFunction:
         return self.values(self.row.copy())
 
 
+class Layout:
+    """A row of numbers by name: how many of each, in order."""
+
+    def __init__(self, sizes: Mapping[str, int]) -> None:
+        self.sizes = dict(sizes)
+        self.places, self.size = dict[str, Place](), 0
+        for name, size in sizes.items():
+            self.places[name] = slice(self.size, self.size + size), (size,)
+            self.size += size
+        self.values = values_type(self.places)  # of a row, by name
+
+    @classmethod
+    def of(cls, function: NumpyFunction) -> "Layout":
+        """Of the row that a function gives."""
+        return cls({name: place.stop - place.start for name, (place, _) in function.places.items()})
+
+    def parts(self, row: Any) -> dict[str, Any]:
+        """Of a row, by name."""
+        return {name: row[place] for name, (place, _) in self.places.items()}
+
+    def joined(self, values: Mapping[str, Any]) -> Any:
+        """A row of these parts."""
+        return ca.vertcat(*(values[name] for name in self.sizes))
+
+
 def row_major(value: ca.SX) -> ca.SX:
     """All elements as a column, row by row, as numpy has them."""
     return ca.vec(ca.densify(value).T)
@@ -169,3 +194,8 @@ def free_symbols(expression: ca.SX, symbols: Iterable[ca.SX]) -> str:
     """Names of the symbols in an expression that are not among those given."""
     function = ca.Function("free", list(symbols), [expression], {"allow_free": True})
     return ", ".join(function.get_free()) if function.has_free() else ""
+
+
+def is_finite(values: ca.SX) -> ca.SX:
+    """1 where all of a few numbers are, and their sum, else 0."""
+    return ca.fabs(ca.sum1(values)) < ca.inf

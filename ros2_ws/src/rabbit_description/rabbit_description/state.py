@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
-from math import atan2
+from math import atan2, cos, isfinite, nan, sin
 from typing import Any
 
 import numpy as np
@@ -80,7 +80,8 @@ def no_torque() -> Array:
 
 def orientation_of(attitude: float) -> Array:
     """Quaternion of a turn about y by `attitude`, rad: (w, y)."""
-    return np.array([np.cos(attitude / 2), np.sin(attitude / 2)])
+    half = attitude / 2 if isfinite(attitude) else nan
+    return np.array([cos(half), sin(half)])  # libm's, as C has them
 
 
 @dataclass(frozen=True)

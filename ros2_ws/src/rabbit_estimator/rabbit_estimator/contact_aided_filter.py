@@ -21,20 +21,30 @@ j + o, their drives' rates j' - lag j'', and where the stance foot stands:
 
 It sinks under the load F, which lags behind the measured force as rubber with damping does. When the swing foot
 touches down, it becomes the stance foot: c is where the legs say that it is.
+
+A tick is one function of rows of numbers, `estimate_state`, from memory, sensors and settings to memory, state and
+report. What is below `begun` is its expressions: m, s, p are memory, sensors and parameters by name.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from functools import cache
 from itertools import accumulate, pairwise
+from math import factorial, sqrt
+from types import SimpleNamespace
+from typing import Any
 
+import casadi as ca
 import numpy as np
-from rabbit_description.state import JOINTS, TICK_SECONDS, Array, BodySensors, Leg, RobotState
+from cbf_clf_qp.functions import Layout, NumpyFunction, is_finite, one_at_a_time
+from rabbit_description.planar_urdf import SLIDES
+from rabbit_description.state import FEET, JOINTS, LEG_JOINTS, TICK_SECONDS, Array, BodySensors, RobotState
 
-from rabbit_estimator.encoder_gate import EncoderGate, Innovation
-from rabbit_estimator.leg_kinematics import foothold, foothold_jacobian, foothold_rate_by_angles
+from rabbit_estimator.encoder_gate import is_accepted, is_lost
+from rabbit_estimator.leg_kinematics import foothold, foothold_rate
 from rabbit_estimator.parameters import EstimatorParameters
 
-GRAVITY = np.array([0.0, -9.81])
+GRAVITY = ca.DM([0.0, -9.81])
 
 
 def spans(first: int, *sizes: int) -> Iterator[slice]:
@@ -52,9 +62,21 @@ GYRO_NOISE = COMPLIANCE + 1
 SIZE = GYRO_NOISE + 1
 ANGLES, RATES, PLACE, SPEED = spans(0, JOINTS, JOINTS, 2, 2)  # what is measured
 MEASURED = SPEED.stop
-ENCODERS = slice(RATES.stop)  # without the ground
-EACH = np.eye(JOINTS)
 LOST_OFFSET, LOST_RATE = 1.0, 10.0  # rad, rad/s: more error of a joint that the gate has refused for long
+
+
+PLANE, EACH = ca.SX.eye(SLIDES), ca.SX.eye(JOINTS)
+
+BODY = {"joint_angles": JOINTS, "joint_rates": JOINTS, "attitude": 1, "pitch_rate": 1, "specific_force": SLIDES}
+GROUND = {"foot_force": len(FEET) * SLIDES, "contact": len(FEET)}
+MEMORY = Layout(
+    {"tick": 1, "mean": SIZE, "covariance": SIZE**2, "stance": 1, "standing": 1, "landed": 1, "load": 1, "push": 1}
+    | {"unsettled": 1, "refusals": JOINTS, "attitude": 1, "specific_force": SLIDES, **GROUND}
+)
+SENSORS = Layout({"tick": 1, **GROUND, **BODY})
+SETTINGS = Layout(dict.fromkeys(EstimatorParameters.model_fields, 1))
+REFUSALS = *BODY, "tick, not the next one", "state, lost in too large numbers"  # from 1; of BODY what is not finite
+NOT_NEXT, LOST = len(BODY) + 1, len(BODY) + 2
 
 
 class EstimatorError(ValueError):
@@ -68,20 +90,14 @@ class LostError(EstimatorError):
 class ContactAidedFilter:
     """One robot's state, tick by tick: `update` takes what its sensors say and fills in `q` and `dq`.
 
-    `mean` (28,) and `covariance` (28, 28) of x; `innovation` of the last tick, None at tick 0.
+    `settings`: the parameters as a row. `found`: what `estimate_state` gave of the last tick, from `tick`, -1 before
+    the first, to `refused`. One thread at a time uses filters.
     """
 
-    _feet: RobotState
-
     def __init__(self, parameters: EstimatorParameters) -> None:
-        self.parameters = parameters
-        self._f, self._h = constant_transition(parameters.tick_seconds), constant_derivatives(parameters)
-        self._wandering, self._noise = process_noise(parameters), measurement_noise(parameters)
-        self._shaken = [shock_noise(parameters, stance) for stance in Leg]
-        self._sinking = 1 - np.exp(-parameters.tick_seconds / parameters.sinking_time)
-        self._settles = parameters.settling ** (parameters.tick_seconds / TICK_SECONDS)
-        self.innovation: Innovation | None = None
-        self._tick = -1
+        self.settings = np.array([getattr(parameters, name) for name in SETTINGS.places])
+        self.found = estimate_state().values(np.zeros(estimate_state().row.size))
+        self.found.tick[:] = -1
 
     def update(self, state: RobotState) -> RobotState:
         """The state with `q`, `dq` estimated; tick 0 begins a new episode, the left foot at rest at (0, 0).
@@ -90,254 +106,257 @@ class ContactAidedFilter:
             EstimatorError: no sensors in it, numbers that are not finite, or not the tick after the last one.
             LostError: numbers that are finite, and too large.
         """
-        try:
-            found = self._updated(state)
-        except np.linalg.LinAlgError as error:
-            raise LostError(f"the estimator cannot go on: {error}") from error
-        if not np.isfinite([*found.q, *found.dq]).all():
-            raise LostError(f"the estimator cannot go on: q = {found.q}, dq = {found.dq}: expected finite numbers")
-        return found
-
-    def _updated(self, state: RobotState) -> RobotState:
-        sensors, p = state.sensors, self.parameters
+        sensors = state.sensors
         if sensors is None:
             raise EstimatorError("state.sensors = None: expected encoders and IMU, as the simulator's sensors lab give")
-        check(sensors, state.tick)
-        if state.tick == 0:
-            self._begin(sensors)
-        elif state.tick != self._tick + 1:
-            raise EstimatorError(f"state.tick = {state.tick}: expected {self._tick + 1}, or 0 for a new episode")
-        else:
-            shock = self._predict(sensors)
-            self._watch_feet(self._feet if p.sensor_delay else state)  # late readings do not show a landing yet
-            self._correct(sensors, shock)
-        self._feet = state
-        self._tick, self._attitude, self._pitch_rate = state.tick, sensors.attitude, sensors.pitch_rate
-        return replace(state, q=self.q, dq=self.dq)
-
-    @property
-    def q(self) -> Array:
-        """Estimated coordinates (7,), m, rad. Those of late readings go on at their rates; accelerations do harm."""
-        x = self.mean
-        return np.concatenate([x[P], x[PITCH : PITCH + 1], x[J]]) + self.parameters.sensor_delay * self.dq
-
-    @property
-    def dq(self) -> Array:
-        """Estimated rates (7,) when the sensors were read, m/s, rad/s."""
-        x = self.mean
-        return np.concatenate([x[V], [self._rate], x[DJ]])
-
-    @property
-    def _rate(self) -> float:
-        return float(self._pitch_rate - self.mean[GYRO] - self.mean[GYRO_NOISE])
+        found = estimate_state()(self.found.row[: MEMORY.size], sensors_row(state, sensors), self.settings)
+        refused = int(found.refused[0])
+        if refused == LOST:
+            raise LostError(f"the estimator cannot go on: q = {found.q}, dq = {found.dq}: expected finite numbers")
+        if refused == NOT_NEXT:
+            expected = f"{self.found.tick[0] + 1:g}, or 0 for a new episode"
+            raise EstimatorError(f"state.tick = {state.tick}: expected {expected}")
+        if refused:
+            name = [*BODY][refused - 1]
+            raise EstimatorError(f"sensors.{name} = {getattr(sensors, name)}: expected finite numbers")
+        self.found = found
+        return replace(state, q=found.q, dq=found.dq)
 
     def angles_and_rates_covariance(self) -> Array:
         """Of the errors of (pitch, joints, v, pitch rate, joint rates) when the sensors were read, shape (12, 12)."""
-        joints, v = spans(1, JOINTS, 2)
-        rate = v.stop
-        select = np.zeros((rate + 1 + JOINTS, SIZE))
-        select[0, PITCH] = 1
-        select[joints, J], select[v, V], select[rate + 1 :, DJ] = EACH, np.eye(2), EACH
-        select[rate, [GYRO, GYRO_NOISE]] = -1
-        return select @ self.covariance @ select.T
-
-    def _begin(self, sensors: BodySensors) -> None:
-        p = self.parameters
-        self._stance, self._standing, self._landed = Leg.LEFT, True, 0
-        self._load = self._push = self._unsettled = 0.0
-        self._gate = EncoderGate(p.tick_seconds)
-        self._attitude, self._pitch_rate = sensors.attitude, sensors.pitch_rate
-        self.innovation = None
-        x = self.mean = np.zeros(SIZE)
-        x[PITCH], x[J], x[DJ], x[COMPLIANCE] = sensors.attitude, sensors.joint_angles, sensors.joint_rates, p.compliance
-        x[P] = -foothold(x[PITCH], x[J], Leg.LEFT, p.foot_radius)
-        jacobian = foothold_jacobian(x[PITCH], x[J], Leg.LEFT, p.foot_radius)
-        x[V] = -jacobian @ np.concatenate([[self._rate], x[DJ]])
-        self._force = -turn(x[PITCH]).T @ GRAVITY
-        std = np.zeros(SIZE)
-        std[PITCH], std[J], std[DJ], std[DDJ] = p.attitude_error, p.angle_noise, p.rate_noise, p.first_acceleration
-        std[GYRO], std[ACCELEROMETER], std[OFFSET] = p.gyro_bias, p.accelerometer_bias, p.encoder_offset
-        std[COMPLIANCE], std[GYRO_NOISE] = p.compliance_error, p.gyro_noise
-        to = np.eye(SIZE)  # of the independent errors of pitch, joints, their rates and the sensors to those of x
-        to[P, PITCH], to[P, J] = -jacobian[:, 0], -jacobian[:, 1:]
-        to[V, GYRO] = to[V, GYRO_NOISE] = jacobian[:, 0]
-        by_angles = foothold_rate_by_angles(x[PITCH], x[J], Leg.LEFT, self._rate, x[DJ])
-        to[V, PITCH], to[V, J], to[V, DJ] = -by_angles[:, 0], -by_angles[:, 1:], -jacobian[:, 1:]
-        to[J, OFFSET] = -EACH
-        to[P, OFFSET], to[V, OFFSET] = jacobian[:, 1:], by_angles[:, 1:]
-        independent = np.diag(std**2)
-        hips = [OFFSET.start, OFFSET.start + 2]
-        independent[np.ix_(hips, hips)] += p.bend**2  # links that are bent alike turn both hips alike
-        self.covariance = to @ independent @ to.T
-        self.covariance[V, V] += p.first_speed**2 * np.eye(2)
-        self.covariance[P, P] += p.foot_slide**2 * np.eye(2)
-
-    def _predict(self, sensors: BodySensors) -> float:
-        """Go on for a tick; returns the shock in it squared, (m/s^2)^2: what f changed by more than its noise."""
-        p, x, f, dt = self.parameters, self.mean, self._f, self.parameters.tick_seconds
-        turned = sensors.attitude - self._attitude - x[GYRO] * dt
-        rotation = turn(x[PITCH] + turned / 2)
-        force = sensors.specific_force - x[ACCELEROMETER]
-        pushed = rotation @ force
-        gained = (pushed + GRAVITY) * dt
-        f[V, PITCH] = pushed[1] * dt, -pushed[0] * dt
-        f[V, ACCELEROMETER] = -rotation * dt
-        f[P, PITCH], f[P, ACCELEROMETER] = f[V, PITCH] * dt / 2, f[V, ACCELEROMETER] * dt / 2
-        x[P] += x[V] * dt + gained * dt / 2
-        x[V] += gained
-        x[PITCH] += turned
-        x[J] += x[DJ] * dt + x[DDJ] * dt**2 / 2
-        x[DJ] += x[DDJ] * dt
-        x[GYRO_NOISE] = 0
-        change = sensors.specific_force - self._force
-        self._force = sensors.specific_force
-        shock = max(float(change @ change) - 4 * p.accelerometer_noise**2, 0.0)
-        self.covariance = f @ self.covariance @ f.T + self._wandering + shock * self._shaken[self._stance]
-        return shock
-
-    def _watch_feet(self, state: RobotState) -> None:
-        """Which foot stands, since when, and under which load: the swing foot lands, or the stance foot after a hop."""
-        p, swing = self.parameters, self._stance.other
-        steps = (state.tick - self._landed) * p.tick_seconds
-        self._standing, stood = True, self._standing
-        self._unsettled *= self._settles
-        if state.contact[swing] and steps > p.least_step:
-            self._stance = swing
-            self._land(state.tick)
-        elif not state.contact[self._stance]:
-            self._standing = False
-            return
-        elif not stood:
-            self._land(state.tick)
-        force = float(state.foot_force[self._stance, 1])  # the tick's mean; at its end it has changed by half as much
-        end = force if self._landed == state.tick else force + (force - self._push) / 2
-        self._load += (force - self._load) * self._sinking
-        self._loading, self._push = (end - self._load) / p.sinking_time, force
-
-    def _land(self, tick: int) -> None:
-        """The stance foot's hold is where the legs say that it is, and nothing loads it yet."""
-        p, x, covariance = self.parameters, self.mean, self.covariance
-        self._landed, self._load, self._push, self._unsettled = tick, 0.0, 0.0, p.landing_speed
-        jacobian = foothold_jacobian(x[PITCH], x[J], self._stance, p.foot_radius)
-        x[C] = x[P] + foothold(x[PITCH], x[J], self._stance, p.foot_radius)
-        to = np.zeros((2, SIZE))
-        to[:, P], to[:, PITCH], to[:, J] = np.eye(2), jacobian[:, 0], jacobian[:, 1:]
-        covariance[C, :] = to @ covariance
-        covariance[:, C] = covariance[C, :].T
-        covariance[C, C] = to @ covariance @ to.T + p.landing_shift**2 * np.eye(2)
-
-    def _correct(self, sensors: BodySensors, shock: float) -> None:
-        p, dt = self.parameters, self.parameters.tick_seconds
-        rows = slice(None) if self._standing else ENCODERS  # nothing is known of a foot in the air
-        noise = self._noise.copy()
-        noise[RATES, RATES] += (p.shock_measured * dt) ** 2 * shock * EACH
-        noise[SPEED, SPEED] += (self._unsettled**2 + (p.shock_foot * dt) ** 2 * shock) * np.eye(2)
-        self.covariance[C, C] += (self._unsettled * dt) ** 2 * np.eye(2)
-        measured = np.concatenate([sensors.joint_angles, sensors.joint_rates, np.zeros(MEASURED - RATES.stop)])
-        value = (measured - self._expect(sensors))[rows]
-        h = self._h[rows]
-        across = h @ self.covariance
-        innovation = Innovation(value, across @ h.T + noise[rows, rows])
-        accepted = self._gate.accepted(innovation)
-        if not accepted.all():
-            across = across[accepted]
-            innovation = Innovation(value[accepted], innovation.covariance[np.ix_(accepted, accepted)])
-        self.innovation = innovation
-        gain = np.linalg.solve(innovation.covariance, across).T
-        self.mean = self.mean + gain @ innovation.value
-        covariance = self.covariance - gain @ across
-        self.covariance = (covariance + covariance.T) / 2
-        for joint in self._gate.lost():
-            for at, std in ((OFFSET, LOST_OFFSET), (DJ, LOST_RATE)):
-                self.covariance[at.start + joint, at.start + joint] += std**2
-
-    def _expect(self, sensors: BodySensors) -> Array:
-        """What should be measured; puts its derivative over x into `_h`."""
-        p, x, h, stance = self.parameters, self.mean, self._h, self._stance
-        turning = float(sensors.pitch_rate - x[GYRO])
-        jacobian = foothold_jacobian(x[PITCH], x[J], stance, p.foot_radius)
-        by_angles = foothold_rate_by_angles(x[PITCH], x[J], stance, turning, x[DJ])
-        angles, rates = x[J] + x[OFFSET], x[DJ] - p.rate_window / 2 * x[DDJ]
-        place = x[P] + foothold(x[PITCH], x[J], stance, p.foot_radius) - x[C]
-        speed = x[V] + jacobian @ np.concatenate([[turning], x[DJ]])
-        if self._standing:
-            h[PLACE, COMPLIANCE], h[SPEED, COMPLIANCE] = (0.0, self._load), (0.0, self._loading)
-            place[1] += x[COMPLIANCE] * self._load
-            speed[1] += x[COMPLIANCE] * self._loading
-        h[PLACE, PITCH], h[PLACE, J] = jacobian[:, 0], jacobian[:, 1:]
-        h[SPEED, PITCH], h[SPEED, J], h[SPEED, DJ] = by_angles[:, 0], by_angles[:, 1:], jacobian[:, 1:]
-        h[SPEED, GYRO] = h[SPEED, GYRO_NOISE] = -jacobian[:, 0]
-        return np.concatenate([angles, rates, place, speed])
+        select = np.eye(SIZE)[np.r_[PITCH, J, V, GYRO, DJ]]
+        select[1 + JOINTS + SLIDES, [GYRO, GYRO_NOISE]] = -1
+        return select @ self.found.covariance @ select.T
 
 
-def turn(pitch: float) -> Array:
+def sensors_row(state: RobotState, sensors: BodySensors) -> Array:
+    """`SENSORS` of a tick."""
+    said = (getattr(sensors, name) for name in BODY)
+    return np.hstack([state.tick, state.foot_force.ravel(), state.contact, *said])
+
+
+@cache
+@one_at_a_time
+def estimate_state() -> NumpyFunction:
+    """The function of `MEMORY`, `SENSORS` and `SETTINGS` that gives `MEMORY` after the tick, `q`, `dq` and a report.
+
+    The report is `nis`, the normalised innovation squared, of so many numbers `measured`, and `refused`: 0, or why the
+    tick does not count. Tick 0 begins an episode.
+    """
+    rows = {"memory": MEMORY, "sensors": SENSORS, "settings": SETTINGS}
+    symbols = {name: ca.SX.sym(name, layout.size) for name, layout in rows.items()}
+    named = [SimpleNamespace(**layout.parts(symbols[name])) for name, layout in rows.items()]
+    begin, go_on = (NumpyFunction.of(each.__name__, symbols, each(*named)) for each in (begun, gone_on))
+    either = ca.Function.if_else("either", begin.function, go_on.function)
+    given = [ca.MX.sym(name, layout.size) for name, layout in rows.items()]
+    found = either(SENSORS.parts(given[1])["tick"] == 0, *given)
+    return NumpyFunction(ca.Function("estimate_state", given, [found], [*rows], ["values"]), begin.places)
+
+
+def begun(_: Any, s: Any, p: Any) -> dict[str, Any]:
+    """What is found at tick 0."""
+
+    def first(error: ca.SX) -> ca.SX:
+        """x of independent errors, of pitch, joints, rates and sensors, each at its place in x."""
+        x = ca.SX(error)
+        x[PITCH], x[J] = s.attitude + error[PITCH], s.joint_angles + error[J] - error[OFFSET]
+        x[DJ], x[COMPLIANCE] = s.joint_rates + error[DJ], p.compliance + error[COMPLIANCE]
+        left = x[PITCH], x[J], 0, p.foot_radius
+        x[P], x[V] = error[P] - foothold(*left), error[V] - foothold_rate(*left, turning(x, s), x[DJ])
+        return x
+
+    x, to = linearised(first, ca.SX.zeros(SIZE))
+    std = ca.SX.zeros(SIZE)
+    std[P], std[V], std[PITCH], std[J] = p.foot_slide, p.first_speed, p.attitude_error, angle_noise(p)
+    std[DJ], std[DDJ], std[OFFSET] = rate_noise(p), p.first_acceleration, p.encoder_offset
+    std[GYRO], std[ACCELEROMETER], std[GYRO_NOISE] = p.gyro_bias, p.accelerometer_bias, p.gyro_noise
+    std[COMPLIANCE] = p.compliance_error
+    independent, hips = ca.diag(std**2), slice(OFFSET.start, OFFSET.stop, LEG_JOINTS)
+    independent[hips, hips] += p.bend**2  # links that are bent alike turn both hips alike
+    kept = {"mean": x, "covariance": symmetric(to @ independent @ to.T), "standing": 1.0}
+    kept["specific_force"] = -turn(x[PITCH]).T @ GRAVITY
+    return answer(s, p, kept, [*BODY][:-1], 0)
+
+
+def gone_on(m: Any, s: Any, p: Any) -> dict[str, Any]:
+    """What is found at another tick."""
+    x, covariance, shock = predicted(m, s, p)
+    feet = watched(m, s, p)
+    hold, to = linearised(lambda x: x[P] + foothold(x[PITCH], x[J], feet.stance, p.foot_radius), x)
+    x[C] = ca.if_else(feet.lands, hold, x[C])
+    across = ca.if_else(feet.lands, to @ covariance, covariance[C, :])
+    across[:, C] = ca.if_else(feet.lands, to @ covariance @ to.T + p.landing_shift**2 * PLANE, covariance[C, C])
+    covariance[C, :], covariance[:, C] = across, across.T
+    kept, nis, measured = corrected(x, covariance, shock, feet, m, s, p)
+    kept |= {name: value for name, value in vars(feet).items() if name in MEMORY.sizes}
+    refused = ca.if_else(s.tick == m.tick + 1, 0, NOT_NEXT)
+    return answer(s, p, kept, BODY, refused, nis, measured)
+
+
+def predicted(m: Any, s: Any, p: Any) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """x and its covariance a tick on, and the shock in it squared, (m/s^2)^2: what f changed by more than its noise."""
+    dt, turned = p.tick_seconds, s.attitude - m.attitude
+
+    def moved(x: ca.SX) -> ca.SX:
+        middle = x[PITCH] + (turned - m.mean[GYRO] * dt) / 2  # how the gyro's error turns f is left out
+        gained = (turn(middle) @ (s.specific_force - x[ACCELEROMETER]) + GRAVITY) * dt
+        new = ca.SX(x)
+        new[P], new[V] = x[P] + x[V] * dt + gained * dt / 2, x[V] + gained
+        new[PITCH] = x[PITCH] + turned - x[GYRO] * dt
+        new[J], new[DJ] = x[J] + x[DJ] * dt + x[DDJ] * dt**2 / 2, x[DJ] + x[DDJ] * dt
+        new[GYRO_NOISE] = 0  # each tick has its own
+        return new
+
+    x, f = linearised(moved, m.mean)
+    change = s.specific_force - m.specific_force
+    shock = ca.fmax(ca.dot(change, change) - 4 * p.accelerometer_noise**2, 0)
+    covariance = symmetric(ca.reshape(m.covariance, SIZE, SIZE))
+    noise = process_noise(p) + shock * shock_noise(m.stance, p)
+    return x, symmetric(f @ covariance @ f.T + noise), shock
+
+
+def watched(m: Any, s: Any, p: Any) -> Any:
+    """Which foot stands, since when, and under which load: the swing foot lands, or the stance foot after a hop."""
+    is_late = p.sensor_delay > 0  # late readings do not show a landing yet
+    ground = (m.tick, s.tick), (m.contact, s.contact), (m.foot_force, s.foot_force)
+    tick, contact, force = (ca.if_else(is_late, *each) for each in ground)
+    is_down = ca.if_else(m.stance, contact, contact[[1, 0]])  # of the swing and the stance foot
+    steps = ca.logic_and(is_down[0], (tick - m.landed) * p.tick_seconds > p.least_step)
+    stance, standing = ca.if_else(steps, 1 - m.stance, m.stance), ca.logic_or(steps, is_down[1])
+    lands = ca.logic_or(steps, ca.logic_and(standing, ca.logic_not(m.standing)))
+    landed, load, push = (ca.if_else(lands, *each) for each in ((tick, m.landed), (0, m.load), (0, m.push)))
+    settled = m.unsettled * p.settling ** (p.tick_seconds / TICK_SECONDS)
+    normal = ca.if_else(stance, force[3], force[1])  # the tick's mean; at its end it has changed by half as much
+    end = ca.if_else(landed == tick, normal, normal + (normal - push) / 2)
+    loaded = load + (normal - load) * (1 - ca.exp(-p.tick_seconds / p.sinking_time))
+    return SimpleNamespace(
+        stance=stance,
+        standing=standing,
+        lands=lands,
+        landed=landed,
+        load=ca.if_else(standing, loaded, load),
+        loading=(end - loaded) / p.sinking_time,
+        push=ca.if_else(standing, normal, push),
+        unsettled=ca.if_else(lands, p.landing_speed, settled),
+    )
+
+
+def corrected(
+    x: ca.SX, covariance: ca.SX, shock: ca.SX, feet: Any, m: Any, s: Any, p: Any
+) -> tuple[dict[str, Any], ca.SX, ca.SX]:
+    """What is kept of x, its covariance and the gate; the normalised innovation squared, of how many numbers."""
+    dt = p.tick_seconds
+
+    def expected(x: ca.SX) -> ca.SX:
+        leg, sinks = (x[PITCH], x[J], feet.stance, p.foot_radius), x[COMPLIANCE]
+        place = x[P] + foothold(*leg) - x[C] + ca.vertcat(0, sinks * feet.load)
+        speed = x[V] + foothold_rate(*leg, turning(x, s), x[DJ]) + ca.vertcat(0, sinks * feet.loading)
+        return ca.vertcat(x[J] + x[OFFSET], x[DJ] - p.rate_window / 2 * x[DDJ], place, speed)
+
+    value, h = linearised(expected, x)
+    value = ca.vertcat(s.joint_angles, s.joint_rates, 0, 0, 0, 0) - value
+    noise = measurement_noise(p)
+    noise[RATES, RATES] += (p.shock_measured * dt) ** 2 * shock * EACH
+    noise[SPEED, SPEED] += (feet.unsettled**2 + (p.shock_foot * dt) ** 2 * shock) * PLANE
+    covariance[C, C] += (feet.unsettled * dt) ** 2 * PLANE
+    across = h @ covariance
+    spread = across @ h.T + noise
+    pairs = [[joint, JOINTS + joint] for joint in range(JOINTS)]
+    accepted = ca.vertcat(*(is_accepted(value[a], value[b], spread[[a, b], [a, b]]) for a, b in pairs))
+    used = ca.vertcat(accepted, accepted, *[feet.standing] * 2 * SLIDES)  # nothing is known of a foot in the air
+    value, across = ca.if_else(used, value, 0), ca.if_else(ca.repmat(used, 1, SIZE), across, 0)
+    spread = ca.if_else(used @ used.T, spread, ca.SX.eye(MEASURED))
+    root = ca.chol(spread).T
+    across, value = ca.solve(root, across), ca.solve(root, value)
+    covariance = symmetric(covariance - across.T @ across)
+    refusals = ca.if_else(accepted, 0, m.refusals + 1)
+    lost = is_lost(refusals, dt)
+    for place, std in ((OFFSET, LOST_OFFSET), (DJ, LOST_RATE)):
+        covariance[place, place] += ca.diag(ca.if_else(lost, std**2, 0))
+    kept = {"mean": x + across.T @ value, "covariance": covariance, "refusals": refusals}
+    return kept, ca.dot(value, value), ca.sum1(used)
+
+
+def answer(
+    s: Any, p: Any, kept: dict[str, Any], needed: Iterable[str], refused: Any, nis: Any = 0, measured: Any = 0
+) -> dict[str, Any]:
+    """All that a tick gives; `kept` lacks what is zero or what the sensors say. `needed` must be finite."""
+    x = kept["mean"]
+    dq = ca.vertcat(x[V], turning(x, s), x[DJ])  # when the sensors were read
+    q = ca.vertcat(x[P], x[PITCH], x[J]) + p.sensor_delay * dq  # on at these rates; accelerations do harm
+    for code, name in reversed([*enumerate(needed, 1)]):
+        refused = ca.if_else(is_finite(getattr(s, name)), refused, code)
+    refused = ca.if_else(refused, refused, ca.if_else(is_finite(ca.vertcat(q, dq)), 0, LOST))
+    rest = {name: getattr(s, name, ca.SX.zeros(size)) for name, size in MEMORY.sizes.items()}
+    found = rest | kept | {"q": q, "dq": dq, "nis": nis, "measured": measured, "refused": refused}
+    return {name: ca.SX(value) for name, value in found.items()}
+
+
+def linearised(function: Callable[[ca.SX], ca.SX], x: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Its value and its derivative at x."""
+    at = ca.SX.sym("at", x.numel())
+    value = function(at)
+    value, derivative = ca.substitute([value, ca.jacobian(value, at)], [at], [x])
+    return value, derivative
+
+
+def symmetric(matrix: ca.SX) -> ca.SX:
+    """The symmetric matrix of an upper triangle."""
+    return ca.densify(ca.triu2symm(ca.triu(matrix)))
+
+
+def turning(x: ca.SX, s: Any) -> ca.SX:
+    """The torso's rate."""
+    return s.pitch_rate - x[GYRO] - x[GYRO_NOISE]
+
+
+def turn(pitch: ca.SX) -> ca.SX:
     """From the torso's frame to the world's, (2, 2)."""
-    c, s = np.cos(pitch), np.sin(pitch)
-    return np.array([[c, s], [-s, c]])
+    c, s = ca.cos(pitch), ca.sin(pitch)
+    return ca.blockcat([[c, s], [-s, c]])
 
 
-def constant_transition(dt: float) -> Array:
-    """Derivative of x over the last tick's, `dt` s before, (28, 28), without what depends on x."""
-    f = np.eye(SIZE)
-    f[P, V], f[PITCH, GYRO] = dt * np.eye(2), -dt
-    f[J, DJ] = f[DJ, DDJ] = dt * EACH
-    f[J, DDJ] = dt**2 / 2 * EACH
-    f[GYRO_NOISE, GYRO_NOISE] = 0  # each tick has its own
-    return f
+def angle_noise(p: Any) -> ca.SX:
+    """Of an encoder's rounding, rad."""
+    return p.encoder_resolution / sqrt(12)
 
 
-def constant_derivatives(p: EstimatorParameters) -> Array:
-    """Of what is measured over x, (12, 28), without what depends on x."""
-    h = np.zeros((MEASURED, SIZE))
-    h[ANGLES, J] = h[ANGLES, OFFSET] = h[RATES, DJ] = EACH
-    h[RATES, DDJ] = -p.rate_window / 2 * EACH
-    h[PLACE, P], h[PLACE, C], h[SPEED, V] = np.eye(2), -np.eye(2), np.eye(2)
-    return h
+def rate_noise(p: Any) -> ca.SX:
+    """Of the rate between two rounded angles, rad/s."""
+    return sqrt(2) * angle_noise(p) / p.rate_window
 
 
-def measurement_noise(p: EstimatorParameters) -> Array:
+def measurement_noise(p: Any) -> ca.SX:
     """Covariance of what is measured, (12, 12), in a tick without a shock."""
-    encoders = [p.angle_noise**2] * JOINTS + [p.rate_noise**2] * JOINTS
-    noise = np.diag(encoders + [p.foot_slide**2] * 2 + [p.foot_speed**2] * 2)
+    std = ca.vertcat(*[angle_noise(p)] * JOINTS, *[rate_noise(p)] * JOINTS, *[p.foot_slide] * 2, *[p.foot_speed] * 2)
+    noise = ca.diag(std**2)
     # a rate is taken between two rounded angles; the later one is the angle that is measured
-    noise[ANGLES, RATES] = noise[RATES, ANGLES] = p.angle_noise**2 / p.rate_window * EACH
+    noise[ANGLES, RATES] = noise[RATES, ANGLES] = angle_noise(p) ** 2 / p.rate_window * EACH
     return noise
 
 
-def process_noise(p: EstimatorParameters) -> Array:
+def process_noise(p: Any) -> ca.SX:
     """What a tick without a shock adds to the covariance, (28, 28)."""
-    noise, dt = np.zeros((SIZE, SIZE)), p.tick_seconds
+    noise, dt = ca.SX(SIZE, SIZE), p.tick_seconds
     v = (p.accelerometer_noise * dt) ** 2
-    noise[V, V], noise[P, P] = v * np.eye(2), v * dt**2 / 3 * np.eye(2)
+    noise[V, V], noise[P, P] = v * PLANE, v * dt**2 / 3 * PLANE
     noise[PITCH, PITCH], noise[GYRO_NOISE, GYRO_NOISE] = (p.gyro_noise * dt) ** 2, p.gyro_noise**2
-    order = np.arange(3)[::-1]  # of the integrals of white noise that angle, rate and acceleration are
-    total = order[:, None] + order + 1
-    factorials = np.array([2.0, 1.0, 1.0])
-    wandering = p.jerk**2 * dt**total / (total * np.outer(factorials, factorials))
-    for joint in range(JOINTS):
-        at = np.array([J.start, DJ.start, DDJ.start]) + joint
-        noise[np.ix_(at, at)] = wandering
-    noise[C, C] = p.foot_roll**2 * (dt / TICK_SECONDS) * np.eye(2)  # a random walk
+    integrals = (J, 2), (DJ, 1), (DDJ, 0)  # of white noise: so often
+    for a, i in integrals:
+        for b, k in integrals:
+            total = i + k + 1
+            noise[a, b] = p.jerk**2 * dt**total / (total * factorial(i) * factorial(k)) * EACH
+    noise[C, C] = p.foot_roll**2 * (dt / TICK_SECONDS) * PLANE  # a random walk
     return noise
 
 
-def shock_noise(p: EstimatorParameters, stance: Leg) -> Array:
+def shock_noise(stance: ca.SX, p: Any) -> ca.SX:
     """What a shock of 1 m/s^2 adds, (28, 28): at an unknown moment of the tick it changes rates and accelerations."""
-    noise, dt = np.zeros((SIZE, SIZE)), p.tick_seconds
-    noise[P, P], noise[V, V] = dt**4 / 12 * np.eye(2), (p.shock_speed * dt) ** 2 * np.eye(2)
-    for joint in range(JOINTS):
-        more = 1.0 if joint // 2 == stance else p.swing_shock
-        at = np.array([J.start, DJ.start]) + joint
-        jump = np.array([[dt**2 / 3, dt / 2], [dt / 2, 1]])
-        noise[np.ix_(at, at)] = (more * p.shock_rate * dt) ** 2 * jump
-        noise[DDJ.start + joint, DDJ.start + joint] = (more * p.shock_acceleration) ** 2
+    noise, dt = ca.SX(SIZE, SIZE), p.tick_seconds
+    noise[P, P], noise[V, V] = dt**4 / 12 * PLANE, (p.shock_speed * dt) ** 2 * PLANE
+    more = ca.vertcat(*(ca.if_else(stance == joint // LEG_JOINTS, 1, p.swing_shock) for joint in range(JOINTS)))
+    jump = ca.diag((more * p.shock_rate * dt) ** 2)
+    noise[J, J], noise[DJ, DJ] = jump * dt**2 / 3, jump
+    noise[J, DJ] = noise[DJ, J] = jump * dt / 2
+    noise[DDJ, DDJ] = ca.diag((more * p.shock_acceleration) ** 2)
     return noise
-
-
-def check(sensors: BodySensors, tick: int) -> None:
-    """Refuse what is not finite; tick 0 has no specific force."""
-    names = ("joint_angles", "joint_rates", "attitude", "pitch_rate", "specific_force")
-    for name in names[:-1] if tick == 0 else names:
-        value = getattr(sensors, name)
-        if not np.isfinite(value).all():
-            raise EstimatorError(f"sensors.{name} = {value}: expected finite numbers")

@@ -12,51 +12,20 @@ An encoder that was refused for `PATIENCE` seconds in a row may have slipped: it
 it is used again.
 """
 
-from dataclasses import dataclass
-
-import numpy as np
-from rabbit_description.state import JOINTS, TICK_SECONDS, Array
-from rabbit_description.tick import ticks_in
+import casadi as ca
 
 GATE = 20.0
 JUMP = 0.2  # rad
 PATIENCE = 0.05  # s
 
 
-@dataclass(frozen=True)
-class Innovation:
-    """What a tick measured less what the filter expected, (m,), and its covariance, (m, m).
-
-    The first four are the encoders' angles, the next four their rates.
-    """
-
-    value: Array
-    covariance: Array
-
-    @property
-    def nis(self) -> float:
-        """Normalised innovation squared: chi-square with m degrees of freedom for a consistent filter."""
-        return float(self.value @ np.linalg.solve(self.covariance, self.value))
+def is_accepted(angle: ca.SX, rate: ca.SX, covariance: ca.SX) -> ca.SX:
+    """Whether a joint's innovation, with its covariance (2, 2), is to be used."""
+    (a, c), (_, b) = (ca.horzsplit(row) for row in ca.vertsplit(covariance))
+    is_near = ca.logic_not((b * angle**2 - 2 * c * angle * rate + a * rate**2) / (a * b - c**2) > GATE**2)
+    return ca.logic_and(is_near, ca.fabs(angle) <= ca.fmax(JUMP, 2 * ca.sqrt(a)))
 
 
-class EncoderGate:
-    """`refused` (4,): for how many ticks in a row each joint has been."""
-
-    def __init__(self, tick_seconds: float = TICK_SECONDS) -> None:
-        self._patience = ticks_in(PATIENCE, tick_seconds)
-        self.refused = np.zeros(JOINTS, dtype=int)
-
-    def accepted(self, innovation: Innovation) -> Array:
-        """Which rows of the innovation, (m,) of bool, are to be used."""
-        rows = np.ones(len(innovation.value), dtype=bool)
-        for joint in range(JOINTS):
-            own = [joint, JOINTS + joint]
-            value, covariance = innovation.value[own], innovation.covariance[np.ix_(own, own)]
-            far = value @ np.linalg.solve(covariance, value) > GATE**2
-            rows[own] = not far and abs(value[0]) <= max(JUMP, 2 * np.sqrt(covariance[0, 0]))
-            self.refused[joint] = 0 if rows[joint] else self.refused[joint] + 1
-        return rows
-
-    def lost(self) -> list[int]:
-        """Joints whose encoder has been refused for too long."""
-        return np.flatnonzero(self.refused >= self._patience).tolist()
+def is_lost(ticks: ca.SX, tick_seconds: ca.SX) -> ca.SX:
+    """Whether an encoder has been refused for too long: for so many ticks in a row."""
+    return ticks >= ca.fmax(ca.floor(PATIENCE / tick_seconds + 0.5), 1)

@@ -1,6 +1,6 @@
 """What the state estimator assumes of its sensors and of the robot's motion."""
 
-from math import pi, sqrt
+from math import pi
 from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -67,13 +67,3 @@ class EstimatorParameters(BaseModel):
         """With the errors that a simulation's parameters give the sensors: those of the same name, but for zeros."""
         errors = {name: getattr(sensors, name, 0.0) for name in cls.model_fields}
         return cls(**{name: value for name, value in errors.items() if value > 0})
-
-    @property
-    def angle_noise(self) -> float:
-        """Of an encoder's rounding, rad."""
-        return self.encoder_resolution / sqrt(12)
-
-    @property
-    def rate_noise(self) -> float:
-        """Of the rate between two rounded angles, rad/s."""
-        return sqrt(2) * self.angle_noise / self.rate_window

@@ -8,13 +8,21 @@ from rabbit_description.bounded_file import is_file
 from rabbit_description.gait import Gaits, load_gaits
 from rabbit_description.state import ACTUATED
 from rabbit_description.validation import one_of
-from rabbit_estimator.contact_aided_filter import ContactAidedFilter
+from rabbit_estimator.contact_aided_filter import (
+    MEMORY,
+    REFUSALS,
+    SENSORS,
+    SETTINGS,
+    ContactAidedFilter,
+    estimate_state,
+)
 from rabbit_estimator.parameters import EstimatorParameters
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.robot_urdf import perturbed_urdf
 from rabbit_sim.simulation import Simulation
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.controller_parts import Further, nothing_further
+from rl_cbf_clf_controller.export import StateEstimator
 from rl_cbf_clf_controller.fitted_policy import fitted
 from rl_cbf_clf_controller.oracle import OraclePolicy, TruePlant
 from rl_cbf_clf_controller.parameters import ControllerParameters
@@ -115,6 +123,15 @@ def make_simulation(parameters: SimulationParameters, gait: Gaits) -> Simulation
     if parameters.sensors == "exact":
         return Simulation(parameters, gait)
     return Simulation(parameters, gait, make_estimator(parameters).update)
+
+
+def exported_estimator(parameters: SimulationParameters) -> StateEstimator | None:
+    """That estimator for `export`; None where the sensors are exact."""
+    if parameters.sensors == "exact":
+        return None
+    made = make_estimator(parameters)
+    first = made.found.row[: MEMORY.size]
+    return StateEstimator(estimate_state(), MEMORY, SENSORS, SETTINGS, made.settings, first, REFUSALS)
 
 
 def make_estimator(parameters: SimulationParameters) -> ContactAidedFilter:

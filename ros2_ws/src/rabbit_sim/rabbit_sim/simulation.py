@@ -114,6 +114,10 @@ class Simulation:
         self.reading = self.plant.observe()
         return self._state()
 
+    def memory_of(self, kind: type[Perturbation]) -> Memory | None:
+        """What a perturbation that measures remembers of the episode; None where it is not in force."""
+        return next((memory for each, memory in self._measuring if isinstance(each, kind)), None)
+
     @property
     def stones(self) -> tuple[Span, ...]:
         """Edges of the ground placed since the reset, the first platform and the next stone included; world x, m."""

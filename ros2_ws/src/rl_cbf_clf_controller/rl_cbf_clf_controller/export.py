@@ -6,26 +6,29 @@
     controller_step(memory, reading, settings, report);   /* a tick: report[REPORT_COMMAND] is the torque */
 
 The C code is what CasADi writes of `step.py`, so a tick has the bits that it has in Python. It opens no file and takes
-no lock; what DAQP allocates comes from a static buffer of the thread.
+no lock; what DAQP allocates comes from a static buffer of the thread. With a state estimator, whose memory and settings
+follow the controller's in these rows, `controller_step_from_sensors` goes from encoders, IMU and feet to torque.
 """
 
 import shutil
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import casadi as ca
 import numpy as np
 from cbf_clf_qp.compiled import c_of
-from cbf_clf_qp.functions import NumpyFunction, Place
+from cbf_clf_qp.functions import Layout, NumpyFunction
 from rabbit_description.state import Array
 
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.network import SOURCE
 from rl_cbf_clf_controller.policy import ActorPolicy, ZeroPolicy
-from rl_cbf_clf_controller.step import Layout
+from rl_cbf_clf_controller.step import NOT_FINITE, STONE
 
 KINDS = {"d": "double", "f": "float", "l": "long long"}  # by numpy's letter
 ARENA = 1 << 16  # bytes, of which a QP takes some 10 k
+STATIC = "#define CASADI_SYMBOL_EXPORT static /* glibc has a function `step` of its own */\n"
 HEADER = """/* {about}
 
 Rows of numbers, double, by name: what lies at NAME, and how many. Units are SI: m, s, rad, N, N m.
@@ -37,10 +40,18 @@ A reading without a stone has NAN there; torques that are not known are NAN. Leg
 {rows}
 {policy}void controller_first(double *memory);
 void controller_settings(double *settings);
-/* One tick. 0: done. 1: the reading is refused (REPORT_REFUSED), and the memory as it was. */
-int controller_step(double *memory, const double *reading, const double *settings, double *report);
 
+/* One tick. 0: done. The reading is refused, and the memory as it was: 1 q, 2 dq, 3 stone. A fault, which ends an
+   episode: 4 another count of touchdowns, 5 no answer to the QP, 6 numbers that are not finite. */
+int controller_step(double *memory, const double *reading, const double *settings, double *report);
+{sensing}
 #endif
+"""
+SENSING = """
+/* The same of a reading without what is in the sensors, which fills it in, q and dq as estimated. Further refusals:
+   {refusals}. */
+int controller_step_from_sensors(double *memory, const double *sensors, double *reading, const double *settings,
+                                 double *report);
 """
 WRAPPER = """
 #include <string.h>
@@ -60,21 +71,22 @@ void *controller_malloc(size_t size) {{
 void controller_free(void *memory) {{ (void)memory; }}
 
 {tables}
+static _Thread_local const double *arguments[{arguments}];
+static _Thread_local double *results[{results}], numbers[{numbers}];
+static _Thread_local long long integers[{integers}];
+
 void controller_first(double *memory) {{ memcpy(memory, first, sizeof first); }}
 void controller_settings(double *settings) {{ memcpy(settings, usual, sizeof usual); }}
 
 int controller_step(double *memory, const double *reading, const double *settings, double *report) {{
-  static _Thread_local const double *arguments[{arguments}];
-  static _Thread_local double *results[{results}], numbers[{numbers}];
-  static _Thread_local long long integers[{integers}];
   arena_used = 0;
   arguments[0] = memory, arguments[1] = reading, arguments[2] = settings, arguments[3] = gaits;
   results[0] = report;
-{tick}  if (report[REPORT_REFUSED] != 0) return 1;
-  memcpy(memory, report + REPORT_MEMORY, MEMORY_SIZE * sizeof(double));
-  return 0;
+{tick}  if (report[REPORT_REFUSED] != 0) return (int)report[REPORT_REFUSED];
+  memcpy(memory, report + REPORT_MEMORY, {kept} * sizeof(double));
+  return report[REPORT_FAULT] != 0 ? {refusals} + (int)report[REPORT_FAULT] : 0;
 }}
-"""
+{sensing}"""
 STEP = """  step(arguments, results, integers, numbers, 0);
 """
 LEARNED = """  static _Thread_local double scaled[{inputs}], network[{widest} + {units}];
@@ -82,7 +94,7 @@ LEARNED = """  static _Thread_local double scaled[{inputs}], network[{widest} + 
   look(arguments, results, integers, numbers, 0);
   for (int i = 0; i < policy_sizes[0]; i++)
     scaled[i] = (report[SEEN_OBSERVATION + i] - policy_center[i]) * policy_inverse_scale[i];
-  forward(1, policy_sizes, {widest}, policy_weights, policy_biases, scaled, network);
+  policy_forward(1, policy_sizes, {widest}, policy_weights, policy_biases, scaled, network);
   arguments[0] = outputs, arguments[1] = report + SEEN_LGV, results[0] = report + REPORT_ALPHA;
   arguments[2] = policy_alpha_scale, arguments[3] = policy_beta_scale;
   estimates(arguments, results, integers, numbers, 0);
@@ -98,14 +110,47 @@ POLICY = """/* The policy, which another one of the same form may replace betwee
 """
 ADAPTED = """  for (int i = 0; i < {estimated}; i++) report[REPORT_ALPHA + i] += report[REPORT_IDENTIFIED_ALPHA + i];
 """
+SENSED = """
+int controller_step_from_sensors(double *memory, const double *sensors, double *reading, const double *settings,
+                                 double *report) {{
+  static _Thread_local double estimated[{size}];
+  int code;
+  arguments[0] = memory + MEMORY_ESTIMATOR, arguments[1] = sensors, arguments[2] = settings + {settings};
+  results[0] = estimated;
+  estimate_state(arguments, results, integers, numbers, 0);
+  if (estimated[{refused}] != 0) return {codes} + (int)estimated[{refused}];
+{filled}  code = controller_step(memory, reading, settings, report);
+  if (report[REPORT_REFUSED] == 0) memcpy(memory + MEMORY_ESTIMATOR, estimated, {memory} * sizeof(double));
+  return code;
+}}
+"""
+CODES = STONE + NOT_FINITE  # of a controller
 
 
 class ExportError(ValueError):
     """What cannot be exported, and what was expected."""
 
 
-def export(controller: Controller, folder: Path, daqp: Path | None = None) -> None:
-    """Write the controller into a folder.
+@dataclass(frozen=True)
+class StateEstimator:
+    """A `function` of rows memory, sensors and settings: the row `memory` after the tick, `q`, `dq` and `refused`.
+
+    `usual`: the settings; `first`: the memory before tick 0; `refusals`: what `refused` says, from 1.
+    """
+
+    function: NumpyFunction
+    memory: Layout
+    sensors: Layout
+    settings: Layout
+    usual: Array
+    first: Array
+    refusals: Sequence[str]
+
+
+def export(
+    controller: Controller, folder: Path, daqp: Path | None = None, estimator: StateEstimator | None = None
+) -> None:
+    """Write the controller into a folder, with an `estimator` that makes its readings of sensors.
 
     `daqp`: the folder `csrc` of DAQP's source package, which is copied. None: the library that is in CasADi's wheel.
     Raises ExportError for a controller whose tick is not one function of C.
@@ -120,30 +165,41 @@ def export(controller: Controller, folder: Path, daqp: Path | None = None) -> No
     functions = [f.step]
     if isinstance(policy, ActorPolicy):
         functions = [f.look, policy.estimates, f.decide]
+    if estimator:
+        functions.append(estimator.function)
     text = c_of(*(each.function for each in functions))
     if text is None:
         raise ExportError("the tick: expected functions of which CasADi can write C")
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "controller.c").write_text(text + wrapper(controller, functions))
-    (folder / "controller.h").write_text(header(controller))
+    (folder / "controller.c").write_text(STATIC + text + wrapper(controller, functions, estimator))
+    (folder / "controller.h").write_text(header(controller, estimator))
     copy_daqp(folder / "daqp", daqp)
 
 
-def header(controller: Controller) -> str:
+def header(controller: Controller, estimator: StateEstimator | None) -> str:
     """The rows by name."""
-    f = controller.functions
-    rows = {"memory": f.memory, "reading": f.reading, "settings": f.settings, "report": report_of(controller)}
-    lines = [line for name, layout in rows.items() for line in (*defines(name, layout.places, layout.size), "")]
-    seen, answer = (f.report.places[name][0].start for name in ("seen", "answer"))
-    lines += [*defines("seen", f.seen.places, None, seen), "", *defines("answer", f.answer.places, None, answer), ""]
+    f, memory, settings, sensing = controller.functions, controller.functions.memory, controller.functions.settings, ""
+    rows: dict[str, tuple[Layout, int]] = {}
+    if estimator:
+        refusals = ", ".join(f"{code} {why}" for code, why in enumerate(estimator.refusals, CODES + 1))
+        sensing = SENSING.format(refusals=refusals)
+        rows["sensors"] = estimator.sensors, 0
+        rows["estimator"] = estimator.memory, memory.size
+        memory = Layout(memory.sizes | {"estimator": estimator.memory.size})
+        settings = Layout(settings.sizes | estimator.settings.sizes)
+    rows = {"memory": (memory, 0), "reading": (f.reading, 0), "settings": (settings, 0)} | rows
+    rows["report"] = report_of(controller), 0
+    for name, function in (("seen", f.seen), ("answer", f.answer)):
+        rows[name] = Layout.of(function), f.report.places[name][0].start
+    lines = [line for name, (layout, start) in rows.items() for line in (*defines(name, layout, start), "")]
     rows_of_qp = ", ".join(controller.qp.layout.names)
     about = f"{controller.parameters.controller}: the QP has the rows {rows_of_qp}; SEEN and ANSWER are in a report"
+    about += ", ESTIMATOR in a memory" if estimator else ""
     policy = ""
     if isinstance(controller.policy, ActorPolicy):
-        policy = POLICY.format(
-            tables="\n".join(f"extern {declared(*each)};" for each in tables_of(controller.policy).items())
-        )
-    return HEADER.format(about=about, rows="\n".join(lines), policy=policy)
+        tables = (f"extern {declared(*each)};" for each in tables_of(controller.policy).items())
+        policy = POLICY.format(tables="\n".join(tables))
+    return HEADER.format(about=about, rows="\n".join(lines), policy=policy, sensing=sensing)
 
 
 def report_of(controller: Controller) -> Layout:
@@ -160,24 +216,30 @@ def tables_of(policy: ActorPolicy) -> dict[str, Array]:
     return {f"policy_{name}": values for name, values in tables.items()}
 
 
-def defines(row: str, places: Mapping[str, Place], size: int | None, start: int = 0) -> Iterable[str]:
-    """A line for each part of a row."""
-    if size is not None:
-        yield f"#define {row.upper()}_SIZE {size}"
-    for name, (place, _) in places.items():
+def defines(row: str, layout: Layout, start: int) -> Iterable[str]:
+    """A line for each part of a row, which begins at `start` of another one if it is not 0."""
+    if not start:
+        yield f"#define {row.upper()}_SIZE {layout.size}"
+    for name, (place, _) in layout.places.items():
         yield f"#define {row.upper()}_{name.upper()} {start + place.start} /* {place.stop - place.start} */"
 
 
-def wrapper(controller: Controller, functions: Sequence[NumpyFunction]) -> str:
+def wrapper(controller: Controller, functions: Sequence[NumpyFunction], estimator: StateEstimator | None) -> str:
     """What is called, with the tables that it hands out."""
     f, policy, tick, network = controller.functions, controller.policy, STEP, ""
-    settings = np.array([getattr(controller.parameters, name, 0.0) for name in f.settings.places])
-    tables = {"first": controller.first_memory(), "usual": settings, "gaits": f.gaits}
+    first = controller.first_memory()
+    usual = np.array([getattr(controller.parameters, name, 0.0) for name in f.settings.places])
+    if estimator:
+        first, usual = np.append(first, estimator.first), np.append(usual, estimator.usual)
+    tables = {"first": first, "usual": usual, "gaits": f.gaits}
     if isinstance(policy, ActorPolicy):
         actor = policy.actor
         sizes = {"inputs": len(policy.center), "widest": actor.widest, "units": actor.units, "outputs": actor.outputs}
         adapted = ADAPTED.format(estimated=policy.estimates.row.size) if f.identifies else ""
         tick, network = LEARNED.format(adapted=adapted, **sizes), SOURCE.read_text()
+        network = network.replace("\nvoid layer(", "\nstatic void layer(").replace(
+            "void forward(", "void policy_forward("
+        )
         network += "\n".join(f"{declared(*each)} = {numbers(each[1])};" for each in tables_of(policy).items())
     most = {
         "arguments": max(each.function.sz_arg() for each in functions),
@@ -187,7 +249,24 @@ def wrapper(controller: Controller, functions: Sequence[NumpyFunction]) -> str:
     }
     constant = (f"static const {declared(name, values)} = {numbers(values)};" for name, values in tables.items())
     written = "\n".join((network, *constant))
-    return WRAPPER.format(arena=ARENA, tables=written, tick=tick, **most)
+    most |= {"arena": ARENA, "kept": f.memory.size, "refusals": STONE}
+    return WRAPPER.format(tables=written, tick=tick, sensing=sensed(controller, estimator), **most)
+
+
+def sensed(controller: Controller, estimator: StateEstimator | None) -> str:
+    """The call from sensors, or nothing."""
+    if not estimator:
+        return ""
+    of, reading, f = estimator.function.places, controller.functions.reading, controller.functions
+    copies = {name: f"sensors + {place.start}" for name, (place, _) in estimator.sensors.places.items()}
+    copies |= {name: f"estimated + {of[name][0].start}" for name in ("q", "dq")}
+    lines = (
+        f"  memcpy(reading + READING_{name.upper()}, {copies[name]}, {size} * sizeof(double));\n"
+        for name, size in reading.sizes.items()
+        if name in copies
+    )
+    sizes = {"size": estimator.function.row.size, "memory": estimator.memory.size, "settings": f.settings.size}
+    return SENSED.format(filled="".join(lines), codes=CODES, refused=of["refused"][0].start, **sizes)
 
 
 def declared(name: str, values: Array) -> str:

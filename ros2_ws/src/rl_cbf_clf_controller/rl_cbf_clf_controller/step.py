@@ -19,7 +19,7 @@ import casadi as ca
 import numpy as np
 from cbf_clf_qp.answer import TOLERANCE, by_daqp
 from cbf_clf_qp.estimates import model_error
-from cbf_clf_qp.functions import NumpyFunction, Place, places_of, values_type
+from cbf_clf_qp.functions import Layout, NumpyFunction, is_finite, places_of, values_type
 from cbf_clf_qp.tick import Tick
 from rabbit_description.gait import Gaits
 from rabbit_description.planar_urdf import SLIDES
@@ -50,31 +50,6 @@ ESTIMATES = "alpha", "beta", "output_error"
 # why a state is refused, or an episode must end
 Q, DQ, STONE = 1, 2, 3
 DISAGREEMENT, UNSOLVED, NOT_FINITE = 1, 2, 3
-
-
-class Layout:
-    """A row of numbers by name: how many of each, in order."""
-
-    def __init__(self, sizes: Mapping[str, int]) -> None:
-        self.sizes = dict(sizes)
-        self.places, self.size = dict[str, Place](), 0
-        for name, size in sizes.items():
-            self.places[name] = slice(self.size, self.size + size), (size,)
-            self.size += size
-        self.values = values_type(self.places)  # of a row, by name
-
-    @classmethod
-    def of(cls, function: NumpyFunction) -> "Layout":
-        """Of the row that a function gives."""
-        return cls({name: place.stop - place.start for name, (place, _) in function.places.items()})
-
-    def parts(self, row: ca.MX) -> dict[str, ca.MX]:
-        """Of a row, by name."""
-        return {name: row[place] for name, (place, _) in self.places.items()}
-
-    def joined(self, values: Mapping[str, Any]) -> ca.MX:
-        """A row of these parts."""
-        return ca.vertcat(*(values[name] for name in self.sizes))
 
 
 def call(function: NumpyFunction, values: Mapping[str, Any]) -> dict[str, ca.MX]:
@@ -133,11 +108,6 @@ def stand_function(walking: Walking, on_stones: bool, tick_seconds: float) -> Nu
         "force": force,
     }
     return NumpyFunction.of("stand", s, found)
-
-
-def is_finite(values: ca.SX) -> ca.SX:
-    """1 where all of a few numbers are, and their sum, else 0."""
-    return ca.fabs(ca.sum1(values)) < ca.inf
 
 
 def ordered(values: ca.SX, swapped: Any, is_right: ca.SX) -> ca.SX:

@@ -175,9 +175,9 @@ class EstimatorNode(SimulatorFollower):
         self._lost = message.episode
 
     def _status(self) -> Status:
-        innovation = self._estimator.innovation if self._turn[1] > 0 else None
+        found = self._estimator.found
         figures = {
-            "normalised innovation": innovation.nis / len(innovation.value) if innovation else "",
+            "normalised innovation": found.nis.item() / found.measured.item() if found.measured > 0 else "",
             "scheduling": scheduling(),
         }
         episode, tick = self._turn

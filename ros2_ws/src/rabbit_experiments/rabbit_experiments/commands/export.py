@@ -37,6 +37,7 @@ def export(
 
     Example: `rabbit export c --parameters best && make -C c && (cd c && ./example)`
     """
+    from rabbit_experiments.assembly import exported_estimator
     from rabbit_experiments.commands.evaluate import given_assembly
 
     request = given.build(ExportOptions)
@@ -48,7 +49,8 @@ def export(
     simulation, controller = assembly.build()
     own_folder(folder, "export")
     with complaints(ExportError), TemporaryDirectory() as temporary:
-        write(controller, folder, request.daqp or daqp_source(Path(temporary)))
+        daqp = request.daqp or daqp_source(Path(temporary))
+        write(controller, folder, daqp, exported_estimator(assembly.simulation))
     write_example(folder, simulation, request.seed)
     print(f"written to {folder}: controller.c, controller.h, daqp/, and an example: make -C {folder}")
 

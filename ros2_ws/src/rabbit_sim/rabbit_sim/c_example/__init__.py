@@ -1,20 +1,25 @@
 """A program in C that walks an exported controller in MuJoCo's own library: what is written beside the controller."""
 
+import re
 import shutil
-from collections.abc import Iterable
+from math import radians
 from pathlib import Path
 from typing import Any
 
 import mujoco
-from rabbit_description.state import Array
+import numpy as np
+from rabbit_description.state import Array, BodySensors
 
 from rabbit_sim.engine_plant import STONE_DEPTH
 from rabbit_sim.kinematics import LINK_LENGTH
-from rabbit_sim.plant import CLEAR_HEIGHT, CONTACT_FORCE, FOOT_RADIUS
+from rabbit_sim.perturbations.sensors import ENCODER_STEP, Laboratory
+from rabbit_sim.plant import CLEAR_HEIGHT, CONTACT_FORCE, FOOT_RADIUS, gravity
 from rabbit_sim.simulation import Simulation, flight_ticks
 from rabbit_sim.terrain import PLATFORM_START
 
 SOURCE = Path(__file__).with_name("example.c")
+TICKS_A_STONE = 100  # in which the walk may reach it
+NOISES = 4  # a tick: of the gyro's integral, two of the accelerometer, of the gyro
 MAKEFILE = """# make, then ./example, or ./example --bench; MUJOCO: a folder with include/ and the library
 MUJOCO = {mujoco}
 FLAGS = -O2 -fno-builtin -ffp-contract=off -w -Idaqp/include -Idaqp/include/daqp
@@ -37,28 +42,45 @@ daqp/daqp.a: daqp/libdaqpstat.a
 
 def write_example(folder: Path, simulation: Simulation, seed: int) -> None:
     """The program, its plant and the course of this seed, of a MuJoCo plant without further perturbations."""
-    state = simulation.reset(seed)
+    first = simulation.reset(seed)
     mujoco.mj_saveModel(simulation.plant.model, str(folder / "model.mjb"))  # type: ignore[attr-defined]
-    numbers = {"STONES": simulation.parameters.stones, "FOOT_RADIUS": FOOT_RADIUS, "STONE_DEPTH": STONE_DEPTH}
+    numbers: dict[str, Any] = {"STONES": simulation.parameters.stones}
+    numbers |= {"FOOT_RADIUS": FOOT_RADIUS, "STONE_DEPTH": STONE_DEPTH}
     numbers |= {"PLATFORM_START": PLATFORM_START, "PLATFORM_END": simulation.parameters.stone_width / 2}
     numbers |= {"CLEAR_HEIGHT": CLEAR_HEIGHT, "CONTACT_FORCE": CONTACT_FORCE}
     numbers |= {"FALL_HEIGHT": simulation.parameters.fall_height, "FLIGHT_TICKS": flight_ticks(simulation.parameters)}
-    numbers["LINK_LENGTH"] = LINK_LENGTH
+    numbers |= {"LINK_LENGTH": LINK_LENGTH, "MOST_TICKS": TICKS_A_STONE * simulation.parameters.stones}
+    arrays = {"first_q": simulation.reading.q, "first_dq": simulation.reading.dq}
+    arrays["course"] = np.array([(stone.l_min, stone.l_max, stone.height) for stone in simulation.course])
+    if first.sensors:
+        more, tables = errors_of_sensors(simulation, first.sensors, numbers["MOST_TICKS"])
+        numbers, arrays = numbers | more, arrays | tables
     lines = [f"/* The walk of seed {seed}. */", *(f"#define {name} {value!r}" for name, value in numbers.items())]
-    lines += [f"static const double {name}[] = {braces(value)};" for name, value in start_of(state)]
-    stones = ", ".join(braces((stone.l_min, stone.l_max, stone.height)) for stone in simulation.course)
-    (folder / "course.h").write_text("\n".join([*lines, f"static const double course[STONES][3] = {{{stones}}};\n"]))
+    lines += [table(name, values) for name, values in arrays.items()]
+    (folder / "course.h").write_text("\n".join([*lines, ""]))
     place = Path(mujoco.__file__).parent
     (library,) = place.glob("libmujoco.so.*")
     (folder / "Makefile").write_text(MAKEFILE.format(mujoco=place, library=library))
     shutil.copy(SOURCE, folder)
 
 
-def start_of(state: Any) -> Iterable[tuple[str, Array]]:
-    """With which the walk begins, by its name in C."""
-    return ("first_q", state.q), ("first_dq", state.dq)
+def errors_of_sensors(
+    simulation: Simulation, first: BodySensors, ticks: int
+) -> tuple[dict[str, float], dict[str, Array]]:
+    """Of a lab's sensors in an episode that has begun: numbers, and tables, among them the noise of each tick."""
+    p, memory = simulation.parameters, simulation.memory_of(Laboratory)
+    assert memory
+    numbers = {"ENCODER_STEP": p.encoder_resolution or ENCODER_STEP, "GYRO_NOISE": p.gyro_noise}
+    numbers |= {"ACCELEROMETER_NOISE": p.accelerometer_noise, "GYRO_BIAS": float(memory.gyro_bias)}
+    numbers |= {"FIRST_ATTITUDE": first.attitude, "FIRST_PITCH_RATE": first.pitch_rate, "SLOPE": radians(p.slope)}
+    numbers["ATTITUDE_ERROR"] = float(memory.attitude_error)
+    tables = {"first_angles": first.joint_angles, "first_rates": first.joint_rates, "encoder_offset": memory.offset}
+    tables |= {"accelerometer_bias": memory.accelerometer_bias, "fall": np.array(gravity(p.slope))}
+    return numbers, tables | {"noise": memory.rng.standard_normal((ticks, NOISES))}
 
 
-def braces(values: Iterable[float]) -> str:
-    """Numbers in C, to the bit."""
-    return "{" + ", ".join(repr(float(value)) for value in values) + "}"
+def table(name: str, values: Array) -> str:
+    """An array in C, to the bit."""
+    sizes = "".join(f"[{size}]" for size in values.shape)
+    text = re.sub(r"[][]", lambda found: "{}"[found[0] == "]"], repr(values.tolist()))
+    return f"static const double {name}{sizes} = {text};"

@@ -7,7 +7,8 @@ All of it may arrive late: a tick's readings are then those of `sensor_delay` ea
 """
 
 from copy import deepcopy
-from math import isnan, pi, radians
+from itertools import pairwise
+from math import cos, isnan, pi, radians, sin
 from typing import Literal, Self
 
 import numpy as np
@@ -166,11 +167,15 @@ def mean_specific_force(path: Array, fall: tuple[float, float]) -> Array:
 
     Shape (2,), torso frame (forward, up), m/s^2.
     """
-    gained = np.diff(path[:, DOF : DOF + SLIDES], axis=0) / SUBSTEP_SECONDS - fall
-    pitch = (path[1:, 2] + path[:-1, 2]) / 2
-    c, s = np.cos(pitch), np.sin(pitch)
-    forward, up = c * gained[:, 0] - s * gained[:, 1], s * gained[:, 0] + c * gained[:, 1]
-    return np.array([forward.mean(), up.mean()])
+    if not np.isfinite(path).all():
+        return np.full(2, np.nan)
+    forward = up = 0.0
+    for before, after in pairwise(path.tolist()):  # added up in this order, and with libm's sine, as in C
+        x, z = ((after[DOF + i] - before[DOF + i]) / SUBSTEP_SECONDS - fall[i] for i in range(SLIDES))
+        pitch = (after[2] + before[2]) / 2
+        c, s = cos(pitch), sin(pitch)
+        forward, up = forward + (c * x - s * z), up + (s * x + c * z)
+    return np.array([forward, up]) / (len(path) - 1)
 
 
 def rounded(angles: Array, step: float) -> Array:
