@@ -60,17 +60,17 @@ def pages() -> dict[str, Page]:
 def readme() -> Page:
     """What is said first."""
     best, tuned = ({each: of_masses(*each, who) for each in MASSES} for who in ("best", "nominal_tuned"))
-    half, twice, thrice, thrice_in_pybullet = MASSES
+    half, half_in_pybullet, twice, twice_in_pybullet, thrice, thrice_in_pybullet = MASSES
     scales = [float(plant.split()[-1]) for plant, each in gains().items() if "kg" not in plant and each[TUNED][0] >= 18]
     (every, nominal, learned, _), beyond = rides()
     return Page(
         [
-            f"Of 200 such courses (seed 9001, MuJoCo) the nominal one walks [{tuned[half]}]({WHERE}) "
-            f"and `best` {best[half]}.",
+            f"Of 200 such courses (seed 9001) the nominal one walks [{tuned[half]}]({WHERE}) in MuJoCo and "
+            f"{tuned[half_in_pybullet]} in PyBullet, `best` {best[half]} and {best[half_in_pybullet]}.",
             f"of which they walk {tuned[thrice_in_pybullet]} and {best[thrice_in_pybullet]}: of twenty others "
             f"{of_twenty('3', 'nominal_tuned')} and {of_twenty('3', 'best')} in 95 of 100 cases.",
             f"[{best[half]}, {best[twice]} and {best[thrice]} of 200 courses]({WHERE}) in MuJoCo, and "
-            f"{best[thrice_in_pybullet]} of 200 at three times in PyBullet.",
+            f"{best[half_in_pybullet]}, {best[twice_in_pybullet]} and {best[thrice_in_pybullet]} in PyBullet.",
             f"walks there too, from {min(scales):g} to {max(scales):g} times the mass",
             f"Of the paper's claims {verdicts()['reproduced']} hold here; against the best gain "
             f"[{verdicts()['fallen']} of",

@@ -203,7 +203,7 @@ def gains_table() -> str:
 
 
 ENGINES = {"pybullet": "PyBullet", "mujoco": "MuJoCo"}
-MASSES = ("mujoco", "0.5"), ("mujoco", "2"), ("mujoco", "3"), ("pybullet", "3")  # engine and mass scale
+MASSES = [(plant, scale) for scale in ("0.5", "2", "3") for plant in ("mujoco", "pybullet")]
 
 
 @cache
