@@ -49,6 +49,8 @@ def source_package() -> Path:
             if done.returncode:
                 raise SourceError((re.findall("ERROR: (.*)", done.stderr) or ["pip cannot get it"])[-1])
             Path(folder, path.name).replace(path)
-    except (OSError, subprocess.TimeoutExpired) as error:
+    except subprocess.TimeoutExpired as error:
+        raise SourceError(f"daqp {version}: pip takes more than {PATIENCE} s") from error
+    except OSError as error:
         raise SourceError(f"daqp {version}: {error}") from error
     return path

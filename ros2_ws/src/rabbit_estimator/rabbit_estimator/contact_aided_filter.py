@@ -75,7 +75,7 @@ MEMORY = Layout(
 )
 SENSORS = Layout({"tick": 1, **GROUND, **BODY})
 SETTINGS = Layout(dict.fromkeys(EstimatorParameters.model_fields, 1))
-REFUSALS = *BODY, "tick, not the next one", "state, lost in too large numbers"  # from 1; of BODY what is not finite
+REFUSALS = *BODY, "tick (not the next)", "state (lost)"  # from 1: of BODY what is not finite
 NOT_NEXT, LOST = len(BODY) + 1, len(BODY) + 2
 
 

@@ -62,8 +62,6 @@ def daqp_source(folder: Path) -> Path | None:
     try:
         return unpack_daqp(folder)
     except SourceError as error:
-        instead = (
-            "daqp/ has the library of CasADi's wheel, for this platform alone; --daqp takes a folder of the source"
-        )
-        print(f"rabbit: {error}: {instead}", file=sys.stderr)
+        instead = "In daqp/ is the library of CasADi's wheel, for this platform; --daqp takes a folder of the source"
+        print(f"rabbit: {error}. {instead}", file=sys.stderr)
         return None
