@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio
-from rabbit_description.state import Array, Leg
+from rabbit_description.state import TICK_SECONDS, Array, Leg
 from rabbit_sim.pinned_dynamics import PLANE, PinnedDynamics
 from rabbit_sim.plant import CLEAR_HEIGHT, SUBSTEPS
 from rabbit_sim.rigid_plant import RigidPlant
@@ -54,7 +54,7 @@ class PlanarPlant(RigidPlant):
         self._dynamics, self._only_ahead, self._keeps_path = dynamics, only_ahead, False
         held = lambda command: np.broadcast_to(command, (SUBSTEPS, len(command)))  # noqa: E731
         motors: Any = SimpleNamespace(rest=lambda: None, advance=held)
-        self._actuation = motors
+        self._actuation, self._tick_seconds = motors, TICK_SECONDS
 
     def _swing_height(self, motion: Array) -> float:
         """Neither clear nor landed where it may not land."""
