@@ -56,7 +56,8 @@ def dead_links(site: Path) -> list[str]:
         for address in sorted(links.addresses):
             parts = urlsplit(address)
             target = (page.parent / unquote(parts.path)).resolve() if parts.path else page
-            anchor_lacks = target in pages and unquote(parts.fragment) not in pages[target].anchors
+            is_anchor = "=" not in parts.fragment  # the first page reads settings there
+            anchor_lacks = target in pages and is_anchor and unquote(parts.fragment) not in pages[target].anchors
             if not target.is_file() or target.suffix == ".md" or anchor_lacks:
                 found.append(f"{page.relative_to(site.resolve())}: {address}")
     return found

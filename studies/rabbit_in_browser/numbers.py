@@ -77,7 +77,7 @@ def controller(number: int, made: Controller) -> dict[str, Any]:
     return {
         **{"module": f"controller_{number}.wasm", "gait": parameters.gait, "is_learned": is_learned},
         **{"parameters": parameters.model_dump(mode="json"), "about": about, "tick_seconds": TICK_SECONDS},
-        **{"memory": f.memory.size, "reading": row(f.reading), "settings": row(f.settings)},
+        **{"memory": row(f.memory), "reading": row(f.reading), "settings": row(f.settings)},
         "report": {**row(report), "places": {**places_of(report.places), **within["seen"], **within["answer"]}},
         "estimates": estimates,
         "columns": RowMaker(about, made.qp.names, made.barrier_names).columns,

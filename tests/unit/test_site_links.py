@@ -23,7 +23,7 @@ def build_docs() -> Iterator[ModuleType]:
 def test_links_that_lead_nowhere_are_found(build_docs, tmp_path: Path) -> None:
     good = ["#here", "sub/page.html#there", "a%20file.csv", "https://other.example/x.md", "mailto:a@b.c", "data:,", ""]
     bad = ["#nowhere", "none.html", "sub/page.html#none", "notes.md", "notes.md#there"]
-    links = "".join(f'<a href="{each}">x</a>' for each in good + bad)
+    links = "".join(f'<a href="{each}">x</a>' for each in [*good, *bad, "#settings=1"])
     (tmp_path / "sub").mkdir()
     (tmp_path / "index.html").write_text(f'<link rel="icon" href="no.svg"><h1 id="here">{links}</h1>')
     (tmp_path / "sub" / "page.html").write_text('<a name="there" href="../index.html#here">up</a>')

@@ -19,6 +19,7 @@ OF_THE_ROBOT = {
 INNOCENT = {  # a 7 or a 4 that is none of the robot's: file, line, and what it is
     "cbf_clf_qp/affine.py": {"if n <= 4": "up to which size a matrix is inverted by minors"},
     "contact_aided_filter.py": {"4 * p.accelerometer_noise": "(2 sigma)^2", "dt**4 / 12": "of an integral"},
+    "c_example/__init__.py": {"NOISES = 4": "of a tick's sensors"},
     "commands/system.py": {"DECIMALS = 4": "digits"},
     "own_systems/pictures.py": {"markersize=4": "points"},
     "own_systems/ros/trainer.py": {"Field(4": "episodes"},

@@ -1,5 +1,6 @@
 // One exported controller with its memory, for one robot.
 
+const NEVER = -2; // a tick that none follows
 const FAULTS = {2: "no solver answered", 3: "torque not finite"};
 
 export class Controller {
@@ -7,7 +8,7 @@ export class Controller {
   constructor(compiled, choice) {
     Object.assign(this, {compiled, choice});
     const {memory, reading, settings, report} = choice;
-    this.at = [memory, reading.size, settings.size, report.size].map((size) => compiled.reserve(size));
+    this.at = [memory.size, reading.size, settings.size, report.size].map((size) => compiled.reserve(size));
     compiled.exports.controller_first(this.at[0]);
     compiled.exports.controller_settings(this.at[2]);
     this.compiled.numbers(this.at[1], reading.size).fill(0);
@@ -18,7 +19,7 @@ export class Controller {
   }
 
   get memory() {
-    return this.compiled.numbers(this.at[0], this.choice.memory);
+    return this.compiled.numbers(this.at[0], this.choice.memory.size);
   }
 
   get settings() {
@@ -33,8 +34,9 @@ export class Controller {
 
   // the gain may change between two ticks; a difference of V under two gains measures nothing
   set eps(eps) {
-    const {places} = this.choice.settings;
-    this.settings[places.eps[0]] = eps;
+    if (eps === this.eps) return;
+    this.settings[this.choice.settings.places.eps[0]] = eps;
+    this.memory[this.choice.memory.places.last_tick[0]] = NEVER;
   }
 
   get eps() {
