@@ -134,8 +134,8 @@ def exported_tick(assembly: Assembly, seed: int) -> dict[str, float]:
         export(controller, Path(folder))
         write_example(Path(folder), simulation, seed)
         subprocess.run(["make", "-s"], cwd=folder, check=True)
-        told = subprocess.run(["./example", "--bench"], cwd=folder, check=True, stdout=subprocess.PIPE).stdout
-    return {f"export.{name}": json.loads(told)[name] for name in ("tick_us", "worst_us")}
+        output = subprocess.run(["./example", "--bench"], cwd=folder, check=True, stdout=subprocess.PIPE).stdout
+    return {f"export.{name}": json.loads(output)[name] for name in ("tick_us", "worst_us")}
 
 
 def first_tick_seconds() -> dict[str, float]:

@@ -71,14 +71,14 @@ def controller(number: int, made: Controller) -> dict[str, Any]:
     }
     report = report_of(made)
     inside = {"seen": f.seen.places, "answer": f.answer.places}
-    within = {name: places_of(places, report.places[name][0].start) for name, places in inside.items()}
+    within = {name: ends_of(places, report.places[name][0].start) for name, places in inside.items()}
     is_learned = isinstance(made.policy, ActorPolicy)
     estimates = {} if is_learned or not f.identifies else {name: f"identified_{name}" for name in ("alpha", "beta")}
     return {
         **{"module": f"controller_{number}.wasm", "gait": parameters.gait, "is_learned": is_learned},
         **{"parameters": parameters.model_dump(mode="json"), "about": about, "tick_seconds": TICK_SECONDS},
         **{"memory": row(f.memory), "reading": row(f.reading), "settings": row(f.settings)},
-        "report": {**row(report), "places": {**places_of(report.places), **within["seen"], **within["answer"]}},
+        "report": {**row(report), "places": {**ends_of(report.places), **within["seen"], **within["answer"]}},
         "estimates": estimates,
         "columns": RowMaker(about, made.qp.names, made.barrier_names).columns,
     }
@@ -86,10 +86,10 @@ def controller(number: int, made: Controller) -> dict[str, Any]:
 
 def row(layout: Layout) -> dict[str, Any]:
     """Its size, and where what lies in it."""
-    return {"size": layout.size, "places": places_of(layout.places)}
+    return {"size": layout.size, "places": ends_of(layout.places)}
 
 
-def places_of(places: Mapping[str, Place], start: int = 0) -> dict[str, list[int]]:
+def ends_of(places: Mapping[str, Place], start: int = 0) -> dict[str, list[int]]:
     """Begin and end of each part."""
     return {name: [start + place.start, start + place.stop] for name, (place, _) in places.items()}
 
@@ -117,16 +117,10 @@ def plant_numbers() -> dict[str, Any]:
         **{"farthest_edge": plant.FARTHEST_EDGE, "platform_start": terrain.PLATFORM_START},
         **{"kept_stones": terrain.KEPT_STONES, "stone_depth": engine_plant.STONE_DEPTH, "away": mujoco_plant.AWAY},
         **{"impedance": mujoco_plant.IMPEDANCE, "edge_depth": touchdown_detector.EDGE_DEPTH},
-        **{
-            "fastest_fall": touchdown_detector.FASTEST_FALL,
-            "flight_ticks": round(simulation.FLIGHT_SECONDS / TICK_SECONDS),
-        },
+        "fastest_fall": touchdown_detector.FASTEST_FALL,
+        "flight_ticks": round(simulation.FLIGHT_SECONDS / TICK_SECONDS),
         **{"slip_friction": simulation.SLIP_FRICTION, "slip_distance": simulation.SLIP_DISTANCE},
-        **{
-            "stall_ticks": round(simulation.STALL_SECONDS / TICK_SECONDS),
-            "link_length": LINK_LENGTH,
-            "torso_length": TORSO,
-        },
+        **{"stall_ticks": simulation.stall_ticks(PLANT), "link_length": LINK_LENGTH, "torso_length": TORSO},
     }
 
 

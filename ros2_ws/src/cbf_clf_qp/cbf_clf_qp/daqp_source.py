@@ -1,7 +1,6 @@
-"""DAQP's C source, for who computes without CasADi, whose wheel has headers and a library for one platform.
+"""DAQP's C source, for programs without CasADi. CasADi's wheel has only headers and a library for one platform.
 
-It is in the source package of the Python package `daqp`, which pip gets once, checks by its hash, and which then lies
-in the cache of `compiled`.
+pip downloads the source package of `daqp` once and checks its hash. The package then lies in the cache of `compiled`.
 """
 
 import re
@@ -23,7 +22,7 @@ class SourceError(OSError):
 
 
 def unpack_daqp(folder: Path) -> Path:
-    """The source in a folder; returns its `csrc`, which has `include` and `src`. The licence lies beside it.
+    """Unpack the source into a folder. Returns its `csrc`, with `include` and `src`; the licence lies beside `csrc`.
 
     Raises:
         SourceError: the package index does not answer, or has another file.

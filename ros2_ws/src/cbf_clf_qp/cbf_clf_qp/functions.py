@@ -196,6 +196,11 @@ def free_symbols(expression: ca.SX, symbols: Iterable[ca.SX]) -> str:
     return ", ".join(function.get_free()) if function.has_free() else ""
 
 
+def symmetric(matrix: ca.SX | Array) -> ca.SX:
+    """The symmetric matrix with this upper triangle."""
+    return ca.densify(ca.triu2symm(ca.triu(ca.SX(matrix))))
+
+
 def is_finite(values: ca.SX) -> ca.SX:
     """1 where all of a few numbers are, and their sum, else 0."""
     return ca.fabs(ca.sum1(values)) < ca.inf

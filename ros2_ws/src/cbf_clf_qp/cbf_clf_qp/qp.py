@@ -88,7 +88,7 @@ def build_qp(blocks: Sequence[Rows], objective: Affine | None, control: Affine) 
     lower, upper = (ca.vertcat(*bounds) / size for bounds in zip(*((b.lower, b.upper) for b in blocks), strict=True))
     finite = (ca.vec(value) for value in (q, A, unroot, control.a, control.b))
     sound = ca.vertcat(lower <= upper, lower <= UNBOUNDED, upper >= -UNBOUNDED)
-    is_valid = ca.mmin(ca.vertcat(sound, is_finite(ca.vertcat(*finite))))
+    is_valid = ca.mmin(ca.vertcat(sound, is_bounded(ca.vertcat(*finite))))
     lower = ca.if_else(is_valid, ca.fmax(lower, -UNBOUNDED), -UNBOUNDED)  # so that a solver does not stop at a NaN
     upper = ca.if_else(is_valid, ca.fmin(upper, UNBOUNDED), UNBOUNDED)
     data = {"q": q, "lower": lower, "upper": upper, "A": ca.densify(A), "is_valid": is_valid}
@@ -144,6 +144,6 @@ def broken(value: ca.SX, lower: ca.SX, upper: ca.SX, layout: Layout) -> ca.SX:
     return ca.fmax(0, ca.mmax(ca.fmax(value - upper, lower - value) / widths))
 
 
-def is_finite(values: ca.SX) -> ca.SX:
-    """1 where all `values` (n,) and their sum are, else 0."""
+def is_bounded(values: ca.SX) -> ca.SX:
+    """1 where no number of `values` (n,), nor their sum, is beyond `UNBOUNDED`, else 0."""
     return ca.fabs(ca.sum1(values)) <= UNBOUNDED

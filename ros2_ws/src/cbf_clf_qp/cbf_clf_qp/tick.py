@@ -25,7 +25,7 @@ from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.answer import Answering, Decided
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import Array, NumpyFunction, Values, one_at_a_time, packed, places_of
-from cbf_clf_qp.qp import build_qp, is_finite
+from cbf_clf_qp.qp import build_qp, is_bounded
 from cbf_clf_qp.quantity import Constrained, Constraint, Number, Rows, Terms
 from cbf_clf_qp.system import Symbols, System
 
@@ -81,7 +81,7 @@ class Tick:
             rows.append(Rows(names, a, -limit - b, limit - b))
         self.layout, data = build_qp(rows, objective(terms) if objective else None, terms.control)
         self._needs_output_error = ca.depends_on(packed(data), ca.vec(terms.symbols["output_error"]))
-        data["is_valid"] *= is_finite(packed(terms.symbols))
+        data["is_valid"] *= is_bounded(packed(terms.symbols))
         self.data, self.answer = data, Answering(terms.symbols, data, self.layout, solver)
         self.reset = self.answer.reset  # forgets the last programme, so that no episode depends on the one before
         nominal, control = self.terms.nominal, self.terms.control

@@ -95,9 +95,8 @@ class Hardware(Plant):
     def command(self, torque: Array) -> None:
         """Send a torque (4,), N m, as far and as fast as it may go by the time of the newest sensors."""
         if self._ramped_from is None:
-            self._ramped_from = self._sent_at = (
-                self.at - self._tick_seconds
-            )  # the first one acts over the tick that begins
+            # the first one acts over the tick that begins
+            self._ramped_from = self._sent_at = self.at - self._tick_seconds
         share = min(1.0, (self.at - self._ramped_from) / self._p.ramp)
         most = self._p.command_rate * (self.at - self._sent_at)
         self._asked = torque

@@ -36,7 +36,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from cbf_clf_qp.functions import Layout, NumpyFunction, is_finite, one_at_a_time
+from cbf_clf_qp.functions import Layout, NumpyFunction, is_finite, one_at_a_time, symmetric
 from rabbit_description.planar_urdf import SLIDES
 from rabbit_description.state import FEET, JOINTS, LEG_JOINTS, TICK_SECONDS, Array, BodySensors, RobotState
 
@@ -298,11 +298,6 @@ def linearised(function: Callable[[ca.SX], ca.SX], x: ca.SX) -> tuple[ca.SX, ca.
     value = function(at)
     value, derivative = ca.substitute([value, ca.jacobian(value, at)], [at], [x])
     return value, derivative
-
-
-def symmetric(matrix: ca.SX) -> ca.SX:
-    """The symmetric matrix of an upper triangle."""
-    return ca.densify(ca.triu2symm(ca.triu(matrix)))
 
 
 def turning(x: ca.SX, s: Any) -> ca.SX:

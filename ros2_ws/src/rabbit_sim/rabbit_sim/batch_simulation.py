@@ -33,7 +33,7 @@ class BatchSimulation:
     """The robots of `simulations`, which are its own from now on.
 
     `states`: what the controllers get; `true_force` (N, 2, 2): the feet's, without noise, N. Raises ValueError for a
-    plant that is not MuJoCo's, or whose ticks are as long as another's are not.
+    plant that is not MuJoCo's, or for ticks of different lengths.
     """
 
     def __init__(self, simulations: Sequence[Simulation]) -> None:

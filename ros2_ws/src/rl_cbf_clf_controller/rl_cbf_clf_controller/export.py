@@ -60,7 +60,7 @@ WRAPPER = """
 static _Thread_local double arena[{arena} / sizeof(double)];
 static _Thread_local size_t arena_used;
 
-/* DAQP's, which is compiled with these names in place of malloc and free */
+/* DAQP calls these: it is compiled with their names in place of malloc and free */
 void *controller_malloc(size_t size) {{
   size_t numbers = (size + sizeof(double) - 1) / sizeof(double);
   if (arena_used + numbers > sizeof arena / sizeof(double)) return 0;

@@ -24,7 +24,7 @@ that the base's rows say or to the nominal one (`identification.py`).
 import casadi as ca
 import numpy as np
 from cbf_clf_qp.functions import NumpyFunction, packed
-from cbf_clf_qp.qp import is_finite
+from cbf_clf_qp.qp import is_bounded
 from rabbit_description.planar_urdf import SLIDES
 from rabbit_description.state import DOF, JOINTS, TICK_SECONDS, Array, no_torque
 from rabbit_description.tick import ticks_in
@@ -82,7 +82,7 @@ def after_tick(nominal: RobotNumbers, gives_way: bool, tick_seconds: float = TIC
     now = {name: ca.SX.sym(name, *shape) for name, shape in sizes.items()}
     lengths = {"joints": ca.SX.sym("joints", JOINTS, 2), "feet": ca.SX.sym("feet", 2, 2)}
     stance, swing = now["force"][0, 1], now["force"][1, 1]
-    follows = ca.logic_and(known["tick"] + 1 == now["tick"], is_finite(now["torque"]))
+    follows = ca.logic_and(known["tick"] + 1 == now["tick"], is_bounded(now["torque"]))
     pinned = ca.logic_and(follows, ca.logic_and(swing < CONTACT_FORCE, stance >= CONTACT_FORCE))
     begins = ca.logic_or(known["ticks"] == 0, known["ticks"] == length)
     start = ca.if_else(begins, known["x"], known["start"])

@@ -21,7 +21,8 @@ state; Ljung, System Identification (1999), section 11; Bar-Shalom, Li, Kirubara
 """
 
 import casadi as ca
-from cbf_clf_qp.qp import is_finite
+from cbf_clf_qp.functions import symmetric
+from cbf_clf_qp.qp import is_bounded
 from rabbit_description.state import Array
 
 
@@ -41,13 +42,8 @@ def updated(
     found = value + gained.T @ (innovation / D)
     narrowed = symmetric(spread_now - gained.T @ (gained / ca.repmat(D, 1, value.numel())))
     square = ca.dot(innovation, innovation / D) / innovation.numel()
-    is_good = is_finite(ca.vertcat(found, ca.vec(narrowed)))
+    is_good = is_bounded(ca.vertcat(found, ca.vec(narrowed)))
     return ca.if_else(is_good, found, value), ca.if_else(is_good, narrowed, covariance), square
-
-
-def symmetric(matrix: ca.SX | Array) -> ca.SX:
-    """The symmetric matrix with this upper triangle."""
-    return ca.triu2symm(ca.triu(ca.SX(matrix)))
 
 
 def upper(matrix: ca.SX) -> ca.SX:

@@ -29,7 +29,7 @@ The `integral` regulation is the rule without a model, to compare with. It takes
 from collections.abc import Mapping
 
 import casadi as ca
-from cbf_clf_qp.qp import is_finite
+from cbf_clf_qp.qp import is_bounded
 
 RETAINED = 0.695  # A
 PER_SLOPE = (-0.046, 0.148, -0.037)  # B_0, B_1, B_2, (m/s) / degree
@@ -65,7 +65,7 @@ def regulated(
     else:
         unexplained = RETAINED * before + ca.dot(ca.DM(PER_SLOPE), slopes) - speed
         found = ca.vertcat(unexplained / sum(PER_SLOPE), kept["found"][:-1])
-        found = ca.if_else(is_finite(before), found, kept["found"])
+        found = ca.if_else(is_bounded(before), found, kept["found"])
         aim, change, new = clipped(median(found), least, most) + K_P * missing, MOST, {"speed": speed, "found": found}
     slope = clipped(clipped(aim, least, most), slopes[0] - change, slopes[0] + change)
     return {**kept, **new, "slopes": ca.vertcat(slope, slopes[:-1])}

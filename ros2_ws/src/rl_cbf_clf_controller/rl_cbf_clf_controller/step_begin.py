@@ -20,7 +20,7 @@ nothing may jump there.
 
 import casadi as ca
 from cbf_clf_qp.functions import packed, row_major
-from cbf_clf_qp.qp import is_finite
+from cbf_clf_qp.qp import is_bounded
 from rabbit_description.state import DOF
 
 from rl_cbf_clf_controller import speed_regulation
@@ -52,7 +52,7 @@ class Touchdown:
     @property
     def sees(self) -> ca.SX:
         """Whether there is a stone."""
-        return is_finite(self.stone)
+        return is_bounded(self.stone)
 
 
 def step_functions(shape: Shape, regulation: str = "learned") -> tuple[ca.Function, ca.Function]:
@@ -106,7 +106,7 @@ def chosen(kept: Expressions, gaits: GaitExpressions, now: Touchdown, regulation
         missing = gaits.start_rate(now.taken, kept["slopes"][0]) - PHASE_ANGLE @ now.x[DOF:]
         new = regulated(kept, *gaits.slope_range, missing, speed, regulation)
         new["slopes"][0] = clipped(new["slopes"][0] + now.slope_change, *gaits.slope_range)
-        has_walked = is_finite(now.seconds)
+        has_walked = is_bounded(now.seconds)
         after = {name: ca.if_else(has_walked, new[name], value) for name, value in kept.items()}
     on_stone = gaits.within(now.stone[0] + now.aim * (now.stone[1] - now.stone[0]))
     return after | {"wanted": ca.if_else(now.sees, on_stone, kept["wanted"])}

@@ -12,7 +12,7 @@ import casadi as ca
 from cbf_clf_qp.answer import Answering
 from cbf_clf_qp.estimates import measured
 from cbf_clf_qp.functions import NumpyFunction, packed
-from cbf_clf_qp.qp import is_finite
+from cbf_clf_qp.qp import is_bounded
 from cbf_clf_qp.quantity import Terms
 from cbf_clf_qp.tick import MATRICES, Tick
 from rabbit_description.state import TICK_SECONDS
@@ -48,7 +48,7 @@ def measuring(terms: Terms, tick_seconds: float = TICK_SECONDS) -> tuple[ca.SX, 
     start = tuple(ca.SX.sym("start", each.numel()) for each in now)
     (found,), before, left = parted([measured(terms, start, now, tick_seconds)], ca.vertcat(*start))
     (leaves,) = ca.substitute([left], start, now)
-    return leaves, before, ca.if_else(is_finite(before), found, ca.SX.nan())
+    return leaves, before, ca.if_else(is_bounded(before), found, ca.SX.nan())
 
 
 def parted(expressions: Sequence[ca.SX], inputs: ca.SX) -> tuple[list[ca.SX], ca.SX, ca.SX]:
