@@ -3,10 +3,11 @@
 State k goes out as tick k begins. The torque that answers it acts over the whole tick, which is simulated at its end:
 
     answered by then      its torque
-    not answered          the last torque again, `held_ticks` times in a row at most
-    after these           joint damping, u_j = -d dq_j, for `damped_ticks`; no answer counts any more, the episode ends
+    not answered          the newest torque again, while the state that it answers is at most `held_ticks` ticks old
+    no newer torque       joint damping, u_j = -d dq_j, for `damped_ticks`; no answer counts any more, the episode ends
 
-So a controller that dies after its answer to tick k is held for over ticks k + 1 and k + 2, and damped from tick k + 3.
+An answer that comes a tick late is thus of use: it stands in for the next one. A controller that dies after its answer
+to tick k is held for over ticks k + 1 and k + 2, and damped from tick k + 3.
 """
 
 from collections import deque
@@ -28,7 +29,7 @@ class Source(IntEnum):
 
 
 class StandIn:
-    """What acts where no torque has come, in one episode. `damping` in N m s/rad."""
+    """What acts where no torque has come, in one episode. `damping` in N m s/rad; `answered` is the newest tick that was."""
 
     def __init__(self, held_ticks: int, damped_ticks: int, damping: float) -> None:
         self._held_ticks, self._damped_ticks, self._damping = held_ticks, damped_ticks, damping
@@ -36,31 +37,34 @@ class StandIn:
 
     def begin(self) -> None:
         """A new episode."""
-        self._last: Array = no_torque()
+        self._torque: Array = no_torque()
+        self.answered = -1
         self._held = self._damped = 0
-        self.gave_up = False
+
+    @property
+    def gave_up(self) -> bool:
+        """The joints are damped: no answer counts any more."""
+        return self._damped > 0
 
     @property
     def is_over(self) -> bool:
         """All damped ticks were walked."""
         return self.gave_up and self._damped >= self._damped_ticks
 
-    def answered(self, torque: Array) -> None:
-        """A tick had its answer, (4,) N m."""
-        self._last, self._held = torque, 0
+    def answer(self, tick: int, torque: Array) -> None:
+        """The newest torque (4,), N m, and the tick that it answers."""
+        self.answered, self._torque = tick, torque
 
-    def missed(self, rates: Array) -> tuple[Array, Source]:
-        """A tick had no answer, but an earlier one had: what acts in its place, (4,) N m.
+    def missed(self, tick: int, rates: Array) -> tuple[Array, Source]:
+        """Tick `tick` has no answer, but an earlier one had: what acts in its place, (4,) N m.
 
         `rates` (4,): of the joints as it began, rad/s.
         """
-        if self.gave_up or self._held >= self._held_ticks:
-            self.gave_up = True
+        if self.gave_up or tick - self.answered > self._held_ticks:
             self._damped += 1
             return -self._damping * rates, Source.DAMPING
-        self._held += 1
-        self.gave_up = self._held == self._held_ticks
-        return self._last, Source.HELD
+        self._held = tick - self.answered
+        return self._torque, Source.HELD
 
     def verdict(self, outcome: str) -> tuple[str, str]:
         """Outcome and reason of an episode that ends now and that the plant says `outcome` of."""

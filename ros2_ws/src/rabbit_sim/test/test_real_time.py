@@ -11,10 +11,11 @@ TORQUE, RATES = np.array([1.0, 2.0, 3.0, 4.0]), np.array([1.0, -1.0, 0.5, 0.0])
 def dead_controller(held_ticks: int, damped_ticks: int) -> tuple[list[Source], list[np.ndarray], StandIn]:
     """One answer, and then none until the episode is over."""
     stand_in = StandIn(held_ticks, damped_ticks, DAMPING)
-    stand_in.answered(TORQUE)
-    sources, torques = [], []
+    stand_in.answer(0, TORQUE)
+    sources: list[Source] = []
+    torques = []
     while not stand_in.is_over:
-        torque, source = stand_in.missed(RATES)
+        torque, source = stand_in.missed(1 + len(sources), RATES)
         sources.append(source)
         torques.append(torque)
     return sources, torques, stand_in
@@ -35,22 +36,24 @@ def test_damping_takes_power_out_of_every_joint() -> None:
     assert (torque * RATES[3:] <= 0).all()
 
 
-def test_an_answer_in_between_begins_the_count_anew() -> None:
+def test_an_answer_that_is_late_by_a_tick_stands_in_for_the_next_one() -> None:
+    """However long each one is late by that: the joints are never damped."""
     stand_in = StandIn(2, 1, DAMPING)
-    for _ in range(5):
-        stand_in.answered(TORQUE)
-        assert stand_in.missed(RATES)[1] is Source.HELD
+    for tick in range(1, 50):
+        stand_in.answer(tick - 1, tick * TORQUE)
+        torque, source = stand_in.missed(tick, RATES)
+        assert source is Source.HELD
+        assert np.array_equal(torque, tick * TORQUE)
         assert not stand_in.gave_up
     assert stand_in.verdict("walked") == ("walked", "")
 
 
-def test_after_the_last_held_tick_no_answer_counts() -> None:
-    stand_in = StandIn(2, 3, DAMPING)
-    stand_in.answered(TORQUE)
-    stand_in.missed(RATES)
-    assert not stand_in.gave_up
-    stand_in.missed(RATES)
-    assert stand_in.gave_up
+@pytest.mark.parametrize("lag", [1, 2, 3, 4])
+def test_no_torque_acts_that_answers_a_state_of_more_ticks_ago(lag: int) -> None:
+    stand_in = StandIn(2, 1, DAMPING)
+    stand_in.answer(10, TORQUE)
+    assert stand_in.missed(10 + lag, RATES)[1] is (Source.HELD if lag <= 2 else Source.DAMPING)
+    assert stand_in.gave_up == (lag > 2)  # then no answer counts
     stand_in.begin()
     assert not stand_in.gave_up
 

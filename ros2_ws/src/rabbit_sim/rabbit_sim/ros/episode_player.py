@@ -76,9 +76,16 @@ class EpisodePlayer:
         self.announce(Episode.RUNNING)
         self._publish(state)
 
+    def take(self, tick: int, torque: Array) -> None:
+        """The answer to this tick's state, (4,) N m; one to an earlier tick stands in for this one's until it comes."""
+        assert self.state is not None
+        self.stand_in.answer(tick, torque)
+        self.ticks.answered(tick)
+        if tick == self.state.tick:
+            self.torque = torque
+
     def step_answered(self, torque: Array) -> None:
         """Simulate a tick under its answer, (4,) N m."""
-        self.stand_in.answered(torque)
         self._step(torque, Source.ANSWER)
 
     def step_without_answer(self) -> bool:
@@ -86,10 +93,10 @@ class EpisodePlayer:
         if self.state is None or self.state.tick == 0:
             self.ticks.due = False  # the first tick begins at the next pace after its torque
             return False
-        torque, source = self.stand_in.missed(self.state.joints[1])
-        gave_up = source is Source.HELD and self.stand_in.gave_up
+        gave_up = self.stand_in.gave_up
+        torque, source = self.stand_in.missed(self.state.tick, self.state.joints[1])
         self._step(torque, source)
-        return gave_up
+        return self.stand_in.gave_up and not gave_up
 
     def _step(self, torque: Array, source: Source) -> None:
         """Ends the episode if it is over."""
@@ -131,7 +138,9 @@ class EpisodePlayer:
         self.wait.give_up()
 
     def checked(self, message: TorqueCommand) -> Array:
-        """The torque (4,) that answers the state, N m; raises `Refused` if this message's does not.
+        """The torque (4,) of a message, N m; raises `Refused` if it does not answer the state.
+
+        In real time one that answers an earlier state is of use if it is newer than what acts.
 
         Two controllers that cannot be told apart end the episode.
         """
@@ -142,7 +151,9 @@ class EpisodePlayer:
             self.admission.check(message.sender, is_asked_again=self.wait.reminders > 0)
         if self.state is None or self.torque is not None:
             raise Refused("not awaited", f"episode {message.episode}, tick {message.tick}")
-        check_turn((message.episode, message.tick), (self.episode.episode, self.state.tick))
+        turn = self.episode.episode, self.state.tick
+        is_late = self._own.real_time and self.stand_in.answered < message.tick < self.state.tick
+        check_turn((message.episode, message.tick), (turn[0], message.tick) if is_late else turn)
         if self.stand_in.gave_up:
             raise Refused("too late", f"the joints are damped since tick {self.state.tick}")
         return torque_of(message)
@@ -175,7 +186,7 @@ class EpisodePlayer:
         self._memory.note(clock_ticks=self.clock_ticks, tick=state.tick, touchdowns=state.touchdowns)
         set_time(self._now, self.clock_ticks, self._tick_seconds)
         self.topics.tick(state, self.episode.episode, self._now, self.simulation.landings, self.simulation.reading)
-        self.ticks.sent()
+        self.ticks.sent(state.tick)
         if self.wait.reminders:
             self._log.warning(f"goes on with tick {state.tick} of episode {self.episode.episode}")
         self.wait.begin()

@@ -83,8 +83,7 @@ class SimulatorNode(CheckedNode):
             self._player.end("fault", fault)
             return
         self._player.name_controllers()
-        self._player.torque = torque
-        self._player.ticks.answered()
+        self._player.take(message.tick, torque)
         self._go_on()
 
     def _on_plan(self, message: EpisodePlan) -> None:
@@ -108,8 +107,8 @@ class SimulatorNode(CheckedNode):
             return response
         self._paused = request.data
         self._player.wait.begin()
-        self._player.ticks.sent()  # a pause makes nothing older
         if self._player.state is not None:
+            self._player.ticks.sent(self._player.state.tick)  # a pause makes nothing older
             self._player.announce(Episode.PAUSED if self._paused else Episode.RUNNING)
         self._go_on()
         response.success = True

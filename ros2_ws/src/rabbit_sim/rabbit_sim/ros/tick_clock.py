@@ -27,7 +27,9 @@ class TickClock:
         self._timer: Timer | None = None
         self._clock = Clock(clock_type=ClockType.STEADY_TIME)
         self._publisher = node.create_publisher(Timing, "timing", TICK)
-        self._late, self._sent, self._acting_sent, self._response = 0.0, math.nan, math.nan, math.nan
+        self._late = 0.0
+        self._sent: dict[int, float] = {}  # when the state of each of an episode's ticks went out
+        self._tick, self._acting, self._response = 0, math.nan, math.nan
 
     def set_pace(self, pace: float) -> None:
         """Ticks are due `pace` times as often as in real time, from now on; 0: at any time."""
@@ -50,20 +52,22 @@ class TickClock:
             self._timer.reset()
         self._on_due()
 
-    def sent(self) -> None:
-        """A state went out."""
-        self._sent, self._response = self._now(), math.nan
+    def sent(self, tick: int) -> None:
+        """A tick's state went out."""
+        if tick == 0:
+            self._sent.clear()
+        self._sent[tick], self._tick, self._response = self._now(), tick, math.nan
 
-    def answered(self) -> None:
-        """Its torque came in."""
-        self._response = self._now() - self._sent
+    def answered(self, tick: int) -> None:
+        """A tick's torque came in; it acts from now on."""
+        self._acting = self._sent[tick]
+        if tick == self._tick:
+            self._response = self._now() - self._acting
 
     def simulated(self, at: Header, episode: int, tick: int, source: Source) -> None:
         """A tick of real time that began `at` this time was simulated under what `source` says."""
-        if source is Source.ANSWER:
-            self._acting_sent = self._sent
         self.punctuality.add(self._late, source)
-        age = math.nan if source is Source.DAMPING else self._now() - self._acting_sent
+        age = math.nan if source is Source.DAMPING else self._now() - self._acting
         measured = {"source": int(source), "late": self._late, "response": self._response, "age": age}
         self._publisher.publish(Timing(header=at, episode=episode, tick=tick, **measured))
 
