@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import typer
-from own_systems.walker import read_walker
+from rl_cbf_clf_controller.planar_walker import read_walker
 
 try:
     from rabbit_gait_design.hybrid_zero_dynamics import Walker

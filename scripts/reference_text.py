@@ -10,13 +10,10 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-import own_systems.ros.robot_controller
-import own_systems.ros.simulator
-import own_systems.ros.task_node
-import own_systems.ros.trainer
 import rl_cbf_clf_controller.ros.node
-import rl_cbf_clf_controller.ros.policies
+import rl_cbf_clf_controller.ros.robot_controller
 import rl_trainer.ros.node
+import rl_trainer.ros.task_trainer
 from common import ROOT, WORKSPACE
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
@@ -33,14 +30,12 @@ from rl_trainer.parameters import TrainingParameters
 SOURCES = WORKSPACE / "src"
 NODES: Mapping[str, tuple[type[BaseModel], ...]] = {
     "simulator": (SimulatorParameters, SimulationParameters),
-    "controller": (rl_cbf_clf_controller.ros.policies.NodeParameters, rl_cbf_clf_controller.ros.node.Settings),
+    "controller": (rl_cbf_clf_controller.ros.node.NodeParameters, rl_cbf_clf_controller.ros.node.Settings),
     "trainer": (rl_trainer.ros.node.NodeParameters, TrainingParameters),
     "recorder": (recorder.NodeParameters,),
     "viewer": (ViewerParameters,),
-    "own_systems simulator": (own_systems.ros.simulator.NodeParameters,),
-    "own_systems controller": (own_systems.ros.task_node.NodeParameters,),
-    "own_systems trainer": (own_systems.ros.trainer.NodeParameters,),
-    "own_systems robot_controller": (own_systems.ros.robot_controller.RobotParameters,),
+    "trainer of a task": (rl_trainer.ros.task_trainer.NodeParameters,),
+    "robot_controller": (rl_cbf_clf_controller.ros.robot_controller.RobotParameters,),
 }
 
 

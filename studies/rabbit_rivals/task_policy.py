@@ -15,17 +15,18 @@ from typing import Any
 import casadi as ca
 import numpy as np
 from cbf_clf_qp.functions import Array, NumpyFunction, Values
+from cbf_clf_qp.task import Moved, OwnController
 from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from own_systems import ControlTask, TaskError
-from own_systems.episode import NOMINAL, Rider, beginning
-from own_systems.task import Moved, OwnController
 from pydantic import Field
 from rabbit_residual.fleet import Rollout
 from rabbit_residual.ppo import Ppo, PpoParameters
 from rl_cbf_clf_controller.network import Actor
+from rl_cbf_clf_controller.task_controller import NOMINAL
 from rl_cbf_clf_controller.weights import PolicyFileError, layer_shapes
+from rl_trainer.task_episode import Rider
 
 from rabbit_rivals.model_file import About, ModelFile, read
 
@@ -154,7 +155,7 @@ class TaskVectorEnv(VectorEnv[Array, Array, Array]):
         return reads, reward, failed, ended & ~failed, infos
 
     def _begin(self, i: int) -> None:
-        self._x[i], self._commands[i], _ = beginning(self.task, int(self._rng.integers(2**32)))
+        self._x[i], self._commands[i], _ = self.task.beginning(int(self._rng.integers(2**32)))
         self._ticks[i] = 0
         self._p[i] = self.task.parameters_at({}, self._commands[i](0.0))
 

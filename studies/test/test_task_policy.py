@@ -9,12 +9,12 @@ import pytest
 from own_cart import CART
 from own_systems import TaskError
 from own_systems.commands.system import app as system
-from own_systems.episode import Rider
-from own_systems.loading import load_task
 from own_systems.recording import differing, write_ride
+from rabbit_description.task_source import load_task
 from rabbit_rivals import task_policy
 from rabbit_rivals.commands.rival import app as rival
 from rabbit_rivals.task_policy import BROKEN, PER_TICK, TaskVectorEnv
+from rl_trainer.task_episode import Rider
 from typer.testing import CliRunner
 
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 from chromium import Chromium
-from own_systems.episode import Rider
-from own_systems.loading import load_task
 from own_systems.page import show
+from rabbit_description.task_source import load_task
+from rl_trainer.task_episode import Rider
 from served import Served
 
 CART_POLE = str(Path(__file__).resolve().parents[2] / "examples" / "cart_pole.py")

@@ -9,8 +9,8 @@ import casadi as ca
 import numpy as np
 import pytest
 from cbf_clf_qp.functions import NumpyFunction
-from own_systems.episode import Rider
-from own_systems.training import train
+from rl_trainer.task_episode import Rider
+from rl_trainer.task_training import train
 
 LENGTHS = {
     **dict.fromkeys(("segway", "cart_pole", "obstacle_arm"), 60),

@@ -3,9 +3,9 @@
 from pathlib import Path
 
 import pytest
-from own_systems.episode import Rider
-from own_systems.loading import load_task
-from own_systems.training import train
+from rabbit_description.task_source import load_task
+from rl_trainer.task_episode import Rider
+from rl_trainer.task_training import train
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 

@@ -10,18 +10,18 @@ import pytest
 from cbf_clf_qp import Clf, System
 from cbf_clf_qp.functions import NumpyFunction
 from own_systems import ControlTask, Impact, Limit, TaskError
-from own_systems.episode import Rider
-from own_systems.loading import load_task
 from own_systems.recording import differing, recorded_ride, write_ride
-from own_systems.training import train
-from own_systems.walker import read_walker
 from planar_robot import PlanarPlant, dynamics_of
 from rabbit_description import URDF_PATH
 from rabbit_description.planar_urdf import scaled
 from rabbit_description.state import Leg
+from rabbit_description.task_source import load_task
 from rabbit_gait_design.hybrid_zero_dynamics import RepeatedStep, Walker
 from rabbit_gait_design.pinocchio_model import PinocchioModel
 from rabbit_recording.contents import contents
+from rl_cbf_clf_controller.planar_walker import read_walker
+from rl_trainer.task_episode import Rider
+from rl_trainer.task_training import train
 from rl_trainer.transitions import Doubt
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"

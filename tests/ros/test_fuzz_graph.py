@@ -13,11 +13,10 @@ from typing import Any
 import pytest
 from hostile_messages import hostile, hostile_request, type_named
 from hypothesis import settings
-from own_systems.episode import beginning
-from own_systems.loading import load_task
-from own_systems.messages import parameter_fields
 from rabbit_common.ros.qos import TICK
 from rabbit_common.ros.services import call_service
+from rabbit_common.task_messages import parameter_fields
+from rabbit_description.task_source import load_task
 from rabbit_msgs.msg import Episode, TaskParameters
 from rcl_interfaces.msg import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
@@ -157,12 +156,15 @@ def test_the_graph_of_a_walk(world: Any) -> None:
     assert faults(world) == []
 
 
+PACKAGES = {"simulator": "rabbit_sim", "trainer": "rl_trainer"}  # the others: rl_cbf_clf_controller
+
+
 def start_own(world: Any, name: str, executable: str = "", **parameters: Any) -> None:
-    """A node of own_systems, of the Segway."""
+    """A node of the graph, of the Segway."""
     told = {"task": SEGWAY, **parameters}.items()
     words = [word for each, value in told for word in ("-p", f"{each}:={value}")]
     arguments = ("--ros-args", "-r", f"__ns:=/{world.namespace}", *words)
-    world.processes.start(name, arguments, executable or name, "own_systems")
+    world.processes.start(name, arguments, executable or name, PACKAGES.get(name, "rl_cbf_clf_controller"))
 
 
 @pytest.mark.timeout(3600)
@@ -191,7 +193,7 @@ def test_the_controller_of_a_task_before_a_robot(world: Any) -> None:
     assert all(math.isfinite(u) for each in commands for u in each.data)
     assert stranger.ask("load_policy", policy="zero").success
     task = load_task(str(SEGWAY))
-    x, commanded, _ = beginning(task, 0)
+    x, commanded, _ = task.beginning(0)
     p, zeros = task.parameters_at({}, commanded(0.0)), [0.0] * len(x)
     sound = {
         "joint_states": JointState(name=task.names_of_q, position=x, velocity=zeros),

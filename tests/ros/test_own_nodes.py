@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 import pytest
 from geometry_msgs.msg import Quaternion
-from own_systems.ros.robot_controller import yaw_of
 from page_client import PageClient, free_port
 from rabbit_common.exit_codes import ExitCode
 from rabbit_recording.contents import contents
 from rabbit_recording.reader import read_episodes
 from rabbit_viewer.geometry import feet
+from rl_cbf_clf_controller.ros.robot_controller import yaw_of
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
 

@@ -14,14 +14,16 @@ import pytest
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from own_systems import ControlTask
-from own_systems.episode import NOMINAL, Rider, beginning
-from own_systems.loading import load_task
-from own_systems.messages import layout_fields, parameter_fields, state_fields
-from own_systems.training import train
 from rabbit_common.ros.qos import EVENT, TICK
+from rabbit_common.task_messages import parameter_fields, state_fields
+from rabbit_description.task_source import load_task
+from rabbit_description.task_state import layout_of, task_state
 from rabbit_msgs import msg
 from rclpy.qos import qos_profile_sensor_data
+from rl_cbf_clf_controller.task_controller import NOMINAL
 from rl_cbf_clf_controller.weights import PolicyFile, read
+from rl_trainer.task_episode import Rider
+from rl_trainer.task_training import train
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool
 from untrained_policy import policy_file, policy_metadata
@@ -38,11 +40,14 @@ def path_of(name: str) -> str:
     return str(EXAMPLES / (name if name.endswith(".yaml") else f"{name}.py"))
 
 
+PACKAGES = {"simulator": "rabbit_sim", "trainer": "rl_trainer"}  # the others: rl_cbf_clf_controller
+
+
 def start(world: Any, node: str, executable: str = "", **parameters: Any) -> None:
-    """A node of own_systems."""
+    """One of the graph's nodes, of a task."""
     words = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
     arguments = ("--ros-args", "-r", f"__ns:=/{world.namespace}", *words)
-    world.processes.start(node, arguments, executable or node, "own_systems")
+    world.processes.start(node, arguments, executable or node, PACKAGES.get(node, "rl_cbf_clf_controller"))
 
 
 def hear(world: Any, kind: Any, name: str, qos: Any = TICK) -> list[Any]:
@@ -127,27 +132,28 @@ def test_what_is_wrong_is_refused_and_counted(world: Any) -> None:
     }
     world.wait(lambda: all(each.get_subscription_count() for each in say.values()))
     world.spin(0.5)
-    x, commands, _ = beginning(task, SEED)
+    x, commands, _ = task.beginning(SEED)
     turn = {"episode": 1, "tick": 0}
-    state = msg.RobotState(**turn, **state_fields(task, x, np.zeros(2)))
+    state = msg.RobotState(**turn, **state_fields(task_state(task, x, np.zeros(0), np.zeros(2))))
     parameters = msg.TaskParameters(**turn, **parameter_fields(task, task.parameters_at({}, commands(0.0))))
     say["episode"].publish(msg.Episode(episode=1, joints=["left_hip"]))
-    say["state"].publish(msg.RobotState(**turn, running=True, q=[0.0] * 7, dq=[0.0] * 7))
-    say["state"].publish(msg.RobotState(**turn, running=True, q=[0.0, np.nan], dq=[0.0] * 2))
+    applied = [0.0] * 2
+    say["state"].publish(msg.RobotState(**turn, running=True, q=[0.0] * 7, dq=[0.0] * 7, applied=applied))
+    say["state"].publish(msg.RobotState(**turn, running=True, q=[0.0, np.nan], dq=[0.0] * 2, applied=applied))
     say["parameters"].publish(msg.TaskParameters(**turn, names=["goal_x"], values=[0.0]))
 
     def counts() -> dict[str, str]:
         values = [v for m in said for s in m.status if s.name.endswith("/controller") for v in s.values]
         return {v.key: v.value for v in values if v.key.startswith("refused")}
 
-    refused = ("episode: another system", "state: wrong length", "state: not finite", "parameters: other names")
+    refused = ("episode: another robot", "state: wrong length", "state: not finite", "parameters: other names")
     world.wait(lambda: counts() == {f"refused {name}": "1" for name in refused})
     assert not torques
     for name, message in (("state", state), ("parameters", parameters)):
         say[name].publish(message)
         world.spin(0.3)
         assert not torques
-    say["episode"].publish(msg.Episode(episode=1, sigma=np.nan, **layout_fields(task)))
+    say["episode"].publish(msg.Episode(episode=1, sigma=np.nan, **layout_of(task).names, tick_seconds=task.seconds))
     world.wait(lambda: bool(torques))
     first = next(Rider(task).moments(NOMINAL, SEED))
     assert list(torques[0].torque) == first.u.tolist()

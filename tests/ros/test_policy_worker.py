@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 import rclpy
 from file_kinds import with_hash
-from own_systems.ros.controller import ControllerNode as TaskController
 from rabbit_msgs.msg import PolicyWeights
 from rabbit_msgs.srv import LoadPolicy
 from rclpy.serialization import serialize_message
@@ -265,7 +264,7 @@ def test_zero_is_loaded_by_its_name(asked: Asked) -> None:
 
 def test_a_task_goes_back_to_nominal() -> None:
     """And to any other of its controllers that needs no file."""
-    with controller(TaskController, f"task:={SEGWAY}") as asked:
+    with controller(ControllerNode, f"task:={SEGWAY}") as asked:
         for named, version in (("oracle", "oracle"), ("zero", "nominal"), ("oracle", "oracle"), ("nominal", "nominal")):
             answer = asked.load(named)
             assert (answer.success, answer.version) == (True, version)

@@ -11,11 +11,10 @@ import time
 
 import numpy as np
 import rclpy
-from own_systems.episode import beginning
-from own_systems.loading import load_task
-from own_systems.messages import parameter_fields
 from rabbit_common.message_checks import doubles
 from rabbit_common.ros.qos import TICK
+from rabbit_common.task_messages import parameter_fields
+from rabbit_description.task_source import load_task
 from rabbit_msgs.msg import TaskParameters
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import JointState
@@ -30,7 +29,7 @@ class Arm:
 
     def __init__(self, task, seed, commands, held):
         self.task, self.held, self.count = task, held, commands * held
-        self.x, self.commands, _ = beginning(task, seed)
+        self.x, self.commands, _ = task.beginning(seed)
         self.rng, self.k, self.least = np.random.default_rng(seed), 0, np.inf
 
     def wish(self):

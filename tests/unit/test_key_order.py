@@ -7,13 +7,13 @@ from typing import Any
 
 import pytest
 import yaml
-from own_systems.episode import Rider
-from own_systems.walker import read_walker
 from rabbit_benchmark.cells import Storm
 from rabbit_benchmark.families import Families
 from rabbit_description.gait import load_gaits
 from rabbit_description.yaml_file import read_mapping
 from rl_cbf_clf_controller.parameters import load_parameters
+from rl_cbf_clf_controller.planar_walker import read_walker
+from rl_trainer.task_episode import Rider
 
 ROOT = Path(__file__).resolve().parents[2]
 PLACES = ("examples", "studies", "ros2_ws/src")

@@ -6,10 +6,10 @@ import pytest
 from own_cart import CART
 from own_systems import TaskError
 from own_systems.commands.system import app
-from own_systems.episode import Rider
-from own_systems.loading import load_task
-from own_systems.training import train
 from rabbit_bringup.cli import app as rabbit
+from rabbit_description.task_source import load_task
+from rl_trainer.task_episode import Rider
+from rl_trainer.task_training import train
 from typer.testing import CliRunner
 
 BALL = Path(__file__).resolve().parents[2] / "examples" / "ball_on_beam.py"

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from own_systems.loading import load_task
 from rabbit_description.gait import load_gaits
+from rabbit_description.task_source import load_task
 from rabbit_experiments.assembly import resolve_policy
 from rabbit_rivals import model_file
 from rabbit_rivals.gp_controller import GpAbout

@@ -44,8 +44,8 @@ def generate_launch_description() -> LaunchDescription:
                 DeclareLaunchArgument(n, default_value=value, description=text)
                 for n, (value, text) in ARGUMENTS.items()
             ),
-            node("own_systems", "simulator", {**task, **played, "readers": readers}),
-            node("own_systems", "controller", {**task, "policy": Argument("policy")}),
+            node("rabbit_sim", "simulator", {**task, **played, "readers": readers}),
+            node("rl_cbf_clf_controller", "controller", {**task, "policy": Argument("policy")}),
             node("rabbit_recording", "recorder", recorded, condition=IfCondition(Argument("record"))),
         ]
     )

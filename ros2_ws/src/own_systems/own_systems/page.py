@@ -6,14 +6,14 @@ from typing import Any
 
 import numpy as np
 from cbf_clf_qp.functions import Array
+from cbf_clf_qp.task import ControlTask, Line, Shape
 from matplotlib.colors import to_rgb
 from rabbit_viewer.page.broadcast import Broadcast
 from rabbit_viewer.page.recording import serve_or_write
 from rabbit_viewer.page.rows import EVENTS, packed
 from rl_cbf_clf_controller.explanation import Explanation, changes, explain
-
-from own_systems.episode import Moment, Ride
-from own_systems.task import ControlTask, Line, Shape
+from rl_cbf_clf_controller.task_controller import Moment
+from rl_trainer.task_episode import Ride
 
 OF_A_ROW = ("margin", "active", "slack", "multiplier")  # of the QP
 COMMON = ("tick", "running", "events", "touchdowns")  # of all that the page shows

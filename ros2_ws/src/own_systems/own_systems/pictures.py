@@ -5,14 +5,15 @@ from pathlib import Path
 
 import numpy as np
 from cbf_clf_qp.functions import Array
+from cbf_clf_qp.task import ControlTask, Line, Shape
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle
 from rabbit_viewer import style
 from rabbit_viewer.video import FRAME_RATE, encode
+from rl_cbf_clf_controller.task_controller import Moment
+from rl_trainer.task_episode import Ride
 
-from own_systems.episode import Moment, Ride
 from own_systems.page import RideRows, pictured
-from own_systems.task import ControlTask, Line, Shape
 
 COLOURS = (style.BLUE, style.ORANGE, style.GREEN, style.PURPLE, style.SKY)
 FILM_INCHES, FILM_DPI, FILM_SECONDS = 6.4, 100, 12.0

@@ -12,17 +12,18 @@ from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
+from cbf_clf_qp.task import Commands, ControlTask, TaskError
 from pydantic import Field, create_model
+from rabbit_description.task_source import load_task
 from rabbit_description.user_code import fault_in_user_code
 from rabbit_viewer.page import Checked
 from rabbit_viewer.play import playing
 from rabbit_viewer.play.messages import Asked, Choose, Push
 from rabbit_viewer.play.settings import NOBODY, Number, PlayError, described, shown
+from rl_cbf_clf_controller.task_controller import Moment
+from rl_trainer.task_episode import Ride, Rider
 
-from own_systems.episode import Moment, Ride, Rider, beginning
-from own_systems.loading import load_task
 from own_systems.page import RideRows, ended_of, explained, numbers_of, pictured
-from own_systems.task import Commands, ControlTask, TaskError
 
 ROOM = 2  # times what the first picture takes: later ones may have more shapes
 TRUE, ADDED = "true_", "added_"  # before a parameter's name, of settings
@@ -160,7 +161,7 @@ class TaskPlayer(playing.Playing):
         self.model = settings_of(task, start)
         self._riders: list[Rider] = []
         try:
-            x, commands, _ = beginning(task, start.seed)
+            x, commands, _ = task.beginning(start.seed)
             most = ROOM * len(numbers_of(pictured(task, x, task.parameters_at({}, commands(0.0)))))
             self._rows = [RideRows(each, most) for each in self._tasks]
             super().__init__(self.model(), send)

@@ -9,19 +9,21 @@ from typing import Any
 
 import numpy as np
 from cbf_clf_qp.functions import Array
+from cbf_clf_qp.task import ControlTask
 from rabbit_common.executables import sourced_share
 from rabbit_common.message_checks import Refused, array_of, doubles
+from rabbit_common.task_messages import parameter_fields, parameters_of, state_fields, state_of
+from rabbit_description.task_state import layout_of, task_state
 from rabbit_recording import RecordingError
 from rabbit_recording.bag_writer import BagWriter, graph_types
 from rabbit_recording.open_recording import one_line_errors
 from rabbit_recording.reader import iterate_inventories, messages
 from rl_cbf_clf_controller.policy import ActorPolicy
+from rl_cbf_clf_controller.task_controller import NOMINAL, Controlling, Moment
+from rl_cbf_clf_controller.task_message_fields import controller_fields, terms_fields
 from rl_cbf_clf_controller.weights import PolicyFileError, decode
+from rl_trainer.task_episode import Ride, Rider
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
-
-from own_systems import messages as fields
-from own_systems.episode import NOMINAL, Controlling, Moment, Ride, Rider
-from own_systems.task import ControlTask
 
 RUNNING, ENDED = 1, 3  # phases of rabbit_msgs/Episode
 FOREVER = QosTime(9223372036, 854775807)
@@ -60,22 +62,22 @@ def write_ride(ride: Ride, path: Path, policy: ActorPolicy | None) -> None:
         data = np.frombuffer(policy.file.encode(), np.uint8)
         add("policy_swap", 0, version=policy.version, accepted=True, data=data)
     episode = {"seed": ride.seed, "controller": ride.controller, "sigma": 0.0, "tick_seconds": task.seconds}
-    episode |= fields.layout_fields(task)
+    episode |= layout_of(task).names
     add("episode", 0, phase=RUNNING, **episode)
     applied = np.full(len(task.names_of_u), np.nan)
     for k, moment in enumerate(ride.moments):
-        add("state", k, **fields.state_fields(task, moment.x, applied, moment.impacts))
-        add("parameters", k, **fields.parameter_fields(task, moment.p))
+        add("state", k, **state_fields(task_state(task, moment.x, moment.p, applied, k, moment.impacts)))
+        add("parameters", k, **parameter_fields(task, moment.p))
         add("torque", k, torque=doubles(moment.u), policy_version=ride.controller)
-        add("controller_state", k, **fields.controller_fields(task, moment, ride.controller))
+        add("controller_state", k, **controller_fields(task, moment, ride.controller))
         if moment.decided is not None:
-            add("learner_terms", k, **fields.terms_fields(task, moment))
+            add("learner_terms", k, **terms_fields(task, moment))
         applied = moment.u
     if ride.last is not None and np.isfinite(ride.last[0]).all():
         x, p = ride.last
-        add("parameters", len(ride.moments), **fields.parameter_fields(task, p))
-        state = fields.state_fields(task, x, applied, ride.impacts)
-        add("state", len(ride.moments), **{**state, "running": False})
+        add("parameters", len(ride.moments), **parameter_fields(task, p))
+        last = task_state(task, x, p, applied, len(ride.moments), ride.impacts, running=False)
+        add("state", last.tick, **state_fields(last))
     ended = {"outcome": ride.outcome, "reason": ride.reason[:128], "touchdowns": ride.impacts}
     add("episode", len(ride.moments), phase=ENDED, **ended, **episode)
     bag.close()
@@ -117,7 +119,7 @@ def recorded_ticks(task: ControlTask, path: Path, policies: dict[str, bytes]) ->
     Raises `RecordingError` where it is of another task.
     """
     heard: dict[str, dict[tuple[int, int], Any]] = {name: {} for name in ("state", "parameters", "torque")}
-    layout = [fields.layout_fields(task)[name] for name in ("coordinates", "joints")]
+    layout = [layout_of(task).names[name] for name in ("coordinates", "joints")]
     for topic, m in messages(path, "episode", "policy_swap", *heard):
         if topic == "episode" and [m.coordinates, m.joints] != layout:
             was = ", ".join((*m.coordinates, *m.joints))
@@ -132,7 +134,7 @@ def recorded_ticks(task: ControlTask, path: Path, policies: dict[str, bytes]) ->
             state, parameters, torque = (each.pop(turn) for each in heard.values())
             try:
                 u = array_of(torque, "torque", len(task.names_of_u))
-                x, p = fields.state_of(task, state), fields.parameters_of(task, parameters)
+                x, p = state_of(task, state), parameters_of(task, parameters)
             except Refused as error:
                 raise RecordingError(f"recording {path}: tick {turn}: {error}") from error
             yield RecordedTick(*turn, state.touchdowns, x, p, u, torque.policy_version)
@@ -185,7 +187,7 @@ def recorded_ride(task: ControlTask, path: Path, number: int | None = None) -> R
     heard = {name: m for name, m in messages(path, "state", "parameters") if (m.episode, m.tick) == (newest, after)}
     if len(heard) == 2:
         with one_line_errors(path, f"tick {after}"):
-            ride.last = fields.state_of(task, heard["state"]), fields.parameters_of(task, heard["parameters"])
+            ride.last = state_of(task, heard["state"]), parameters_of(task, heard["parameters"])
     ride.reason = said.reason
     return ride
 

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from own_cart import CART, LIMIT
 from own_systems import Disc, Line
-from own_systems.episode import Rider
-from own_systems.loading import load_task
 from own_systems.page import RideRows, explained, numbers_of
 from own_systems.play import Start, TaskPlayer, altered, check_asked, rates_of, settings_of
+from rabbit_description.task_source import load_task
 from rabbit_viewer.page.broadcast import Broadcast
 from rabbit_viewer.play.messages import ASKED
 from rabbit_viewer.play.serving import Door, tell
+from rl_trainer.task_episode import Rider
 
 EXAMPLES = Path(__file__).resolve().parents[4] / "examples"
 

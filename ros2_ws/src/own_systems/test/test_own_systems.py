@@ -16,14 +16,14 @@ from cbf_clf_qp import Clf, System
 from own_cart import CART, LIMIT, POLE
 from own_systems import ControlTask, TaskError, recording
 from own_systems.commands.system import app
-from own_systems.episode import Rider
-from own_systems.loading import load_task
 from own_systems.page import ended_of
 from own_systems.recording import differing, recorded_ride, write_ride
-from own_systems.training import measured_problem, train, write
+from rabbit_description.task_source import load_task
 from rabbit_recording import RecordingError
 from rabbit_recording.commands.bag import app as bag_app
 from rabbit_recording.contents import contents
+from rl_trainer.task_episode import Rider
+from rl_trainer.task_training import measured_problem, train, write
 from scipy.linalg import expm
 from typer.testing import CliRunner
 
@@ -133,7 +133,7 @@ def test_a_source_without_a_task_is_named(source, text):
 def test_the_same_seed_gives_the_same_ride_in_another_process_too(task, cart):
     here = [m.u[0].hex() for m in Rider(task).ride("oracle", 7).moments]
     code = (
-        "import sys; from own_systems.episode import Rider; from own_systems.loading import load_task;"
+        "import sys; from rl_trainer.task_episode import Rider; from rabbit_description.task_source import load_task;"
         "print(*[m.u[0].hex() for m in Rider(load_task(sys.argv[1])).ride('oracle', 7).moments])"
     )
     told = subprocess.run([sys.executable, "-c", code, cart], capture_output=True, text=True, check=True)

@@ -13,7 +13,7 @@ from rabbit_description.state import ACTUATED, DOF, TICK_SECONDS, Array, BodySen
 from rabbit_estimator.contact_aided_filter import ContactAidedFilter
 from rabbit_estimator.parameters import EstimatorParameters
 from rabbit_sim.kinematics import RabbitFeet
-from rabbit_sim.parameters import NodeParameters
+from rabbit_sim.parameters import PlayerParameters
 from rabbit_sim.plant import CLEAR_HEIGHT, CONTACT_FORCE, Plant, PlantReading, Span, Touch
 
 from rabbit_bringup.sensor_watch import EncoderWatch
@@ -21,7 +21,7 @@ from rabbit_bringup.sensor_watch import EncoderWatch
 ROUNDING = 1e-6  # N m
 
 
-class HardwareParameters(NodeParameters):
+class HardwareParameters(PlayerParameters):
     """Those of the simulator's node, and what keeps a robot whole."""
 
     IS_SIMULATED: ClassVar[bool] = False

@@ -8,6 +8,7 @@ URDF_PATH = DATA / "urdf" / "rabbit.urdf"
 GAITS = DATA / "gaits"
 LIBRARIES = DATA / "gait_libraries"
 DEFAULT_GAIT = "stones_0350_080"
+ABOUT_TASK = "a Python file with a ControlTask, a walker's .yaml, or what an installed package brings, by its name"
 FRAMES = {"base_link": "torso", "l_sole": "left_foot", "r_sole": "right_foot"}  # of REP 105 and 120, and where they are
 FRAME = """  <link name="{0}"/>
   <joint name="{0}_frame" type="fixed"><parent link="{1}"/><child link="{0}"/></joint>

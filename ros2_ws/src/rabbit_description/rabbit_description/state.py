@@ -20,12 +20,35 @@ ROBOT_MASS = 32.0  # kg, nominal
 ACTUATED = ("left_hip", "left_knee", "right_hip", "right_knee")
 COORDINATES = (*BASE_JOINTS, *ACTUATED)
 FEET = ("left", "right")
-LAYOUT = {"coordinates": COORDINATES, "joints": ACTUATED, "feet": FEET}  # the fields of `Episode` that name them
 DOF = len(COORDINATES)  # degrees of freedom: so many numbers have q and dq
 JOINTS = len(ACTUATED)  # each with a motor, an encoder, a component of mu and an output
 LEG_JOINTS = JOINTS // len(FEET)
 SWAP_TORQUE = np.array([2, 3, 0, 1])  # left, right <-> stance, swing when the right leg stands
 SWAP_STATE = np.concatenate([np.arange(BASE), BASE + SWAP_TORQUE])
+
+
+@dataclass(frozen=True)
+class RobotLayout:
+    """What the arrays of a state and of a torque hold, by name; `has_rates`: whether q' is part of the state."""
+
+    coordinates: tuple[str, ...]
+    joints: tuple[str, ...]
+    feet: tuple[str, ...] = ()
+    has_rates: bool = True
+
+    @property
+    def names(self) -> dict[str, list[str]]:
+        """The fields of `Episode` that name them."""
+        return {name: list(getattr(self, name)) for name in ("coordinates", "joints", "feet")}
+
+    @property
+    def lengths(self) -> dict[str, int]:
+        """Of the arrays of a `RobotState`."""
+        n, feet = len(self.coordinates), len(self.feet)
+        return {"q": n, "dq": n, "foot_force": 2 * feet, "contact": feet, "applied": len(self.joints)}
+
+
+LAYOUT = RobotLayout(COORDINATES, ACTUATED, FEET)
 
 
 class Leg(IntEnum):
@@ -119,6 +142,7 @@ class RobotState:
     left/right order: the command over the tick that ended now, which in real time may be another than the controller's
     last; NaN at tick 0. `sensors`: where only the robot's own sensors measure; `q` and `dq` are NaN until a state
     estimator has filled them in.
+    A control task's state has arrays of its own lengths, no feet, and the model's `parameters` at this tick.
     """
 
     tick: int
@@ -131,6 +155,7 @@ class RobotState:
     running: bool = True
     applied: Array = field(default_factory=no_torque)
     sensors: BodySensors | None = None
+    parameters: Array | None = None
 
     @classmethod
     def of_message(cls, message: Any, preview: StonePreview | None) -> "RobotState":
@@ -139,7 +164,7 @@ class RobotState:
             tick=message.tick,
             q=np.array(message.q),
             dq=np.array(message.dq),
-            foot_force=np.array(message.foot_force).reshape(2, 2),
+            foot_force=np.array(message.foot_force).reshape(-1, 2),
             contact=np.array(message.contact, dtype=bool),
             touchdowns=message.touchdowns,
             preview=preview,

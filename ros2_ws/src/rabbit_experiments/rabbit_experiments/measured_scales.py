@@ -10,15 +10,11 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
-from rl_cbf_clf_controller.problem import Scales
+from rl_cbf_clf_controller.problem import LEAST, QUANTILE, ROOM, Scales
 
 from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.evaluation import record_walk
 from rabbit_experiments.walk_records import WalkRecords
-
-ROOM = 1.5  # of a scale, over what `QUANTILE` of the ticks stay below
-QUANTILE = 0.99
-LEAST = 1e-3  # a scale, where nothing was seen
 
 
 class ScalesError(ValueError):

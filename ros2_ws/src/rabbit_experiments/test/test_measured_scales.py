@@ -5,9 +5,10 @@ from pathlib import Path
 import pytest
 from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.commands.scales import app
-from rabbit_experiments.measured_scales import LEAST, ROOM, measure_scales
+from rabbit_experiments.measured_scales import measure_scales
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import load_parameters
+from rl_cbf_clf_controller.problem import LEAST, ROOM
 from typer.testing import CliRunner
 
 SEEDS = (5,)

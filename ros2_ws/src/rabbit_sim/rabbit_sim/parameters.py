@@ -5,7 +5,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 from pydantic import BaseModel, Field, model_validator
-from rabbit_description import DEFAULT_GAIT
+from rabbit_description import ABOUT_TASK, DEFAULT_GAIT
 from rabbit_description.plugins import names
 from rabbit_description.state import TICK_SECONDS
 from rabbit_description.tick import ABOUT_TICK, TickSeconds
@@ -131,8 +131,8 @@ def marked(mark: str) -> list[str]:
     return [name for name, field in SimulationParameters.model_fields.items() if mark in field.metadata]
 
 
-class NodeParameters(BaseModel):
-    """Parameters of the simulator's node besides the plant's: episodes, pace, and how long is waited for whom."""
+class PlayerParameters(BaseModel):
+    """Parameters of who plays episodes, besides the plant's: how many, their pace, and how long is waited for whom."""
 
     model_config = CONFIG
 
@@ -153,7 +153,9 @@ class NodeParameters(BaseModel):
     readers: int = Field(1, ge=1, le=100, description="nodes that must hear the state before an episode begins")
     pace: float = Field(0.0, ge=0, le=100, description="times real time at most; 0: no limit in lock-step; dynamic")
     real_time: bool = Field(False, description="a tick takes its time (over pace) by the wall clock, answered or not")
-    held_ticks: int = Field(2, ge=0, le=1000, description="real time: how old a torque may be that stands in for late ones")
+    held_ticks: int = Field(
+        2, ge=0, le=1000, description="real time: how old a torque may be that stands in for late ones"
+    )
     damped_ticks: int = Field(10, ge=1, le=1000, description="real time: of joint damping after these, then it ends")
     damping: float = Field(10.0, ge=0, le=30, description="real time: of each joint in these ticks, N m s/rad")
     late_limit: float = Field(0.001, ge=0, le=1, description="real time: share of late ticks above which it warns")
@@ -168,3 +170,9 @@ class NodeParameters(BaseModel):
         description="wait: until it has digested the last episode; follow: and as it plans the next one; "
         "auto: follow while one is there",
     )
+
+
+class NodeParameters(PlayerParameters):
+    """Those of the simulator's node."""
+
+    task: str = Field("", description=f"what is simulated; empty: RABBIT; else {ABOUT_TASK}")

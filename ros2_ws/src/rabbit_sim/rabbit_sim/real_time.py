@@ -29,7 +29,7 @@ class Source(IntEnum):
 
 
 class StandIn:
-    """What acts where no torque has come, in one episode. `damping` in N m s/rad; `answered` is the newest tick that was."""
+    """What acts where no torque has come, in one episode. `damping` in N m s/rad; `answered`: the newest such tick."""
 
     def __init__(self, held_ticks: int, damped_ticks: int, damping: float) -> None:
         self._held_ticks, self._damped_ticks, self._damping = held_ticks, damped_ticks, damping
@@ -66,10 +66,10 @@ class StandIn:
         self._held = tick - self.answered
         return self._torque, Source.HELD
 
-    def verdict(self, outcome: str) -> tuple[str, str]:
-        """Outcome and reason of an episode that ends now and that the plant says `outcome` of."""
+    def verdict(self, outcome: str, reason: str = "") -> tuple[str, str]:
+        """Outcome and reason of an episode that ends now and that the plant says `outcome` of, and why."""
         if not self.gave_up:
-            return outcome, ""
+            return outcome, reason
         fate = "" if outcome == "running" else f", {outcome}"
         return (
             "silent",

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from rabbit_description.gait import Gaits
 from rabbit_description.plugins import load
-from rabbit_description.state import JOINTS, Array, Leg, RobotState, no_torque
+from rabbit_description.state import JOINTS, LAYOUT, Array, Leg, RobotState, no_torque
 
 from rabbit_sim.initial_state import initial_state
 from rabbit_sim.parameters import PLANTS, SimulationParameters
@@ -70,6 +70,8 @@ class Simulation:
     Example: `state = simulation.reset(seed=1)`, then `state = simulation.step(torque)` while `state.running`.
     """
 
+    layout = LAYOUT
+
     def __init__(
         self, parameters: SimulationParameters, gait: Gaits, estimate: Callable[[RobotState], RobotState] | None = None
     ) -> None:
@@ -88,6 +90,20 @@ class Simulation:
         self.plant: Plant = load(PLANTS, parameters.plant)(parameters)
         self.outcome = Outcome.IDLE
         self.landings: list[Landing] = []
+
+    @property
+    def tick_seconds(self) -> float:
+        """Of a tick."""
+        return self.parameters.tick_seconds
+
+    @property
+    def verdict(self) -> tuple[str, str]:
+        """How the episode stands or ended, and why."""
+        return self.outcome.value, ""
+
+    def joint_rates(self, state: RobotState) -> Array:
+        """That are damped where no answer comes, (4,), rad/s."""
+        return state.joints[1]
 
     def close(self) -> None:
         """Give back the plant."""

@@ -9,6 +9,9 @@ import math
 from dataclasses import dataclass
 
 Scales = tuple[float, ...]
+ROOM = 1.5  # of a scale that is measured, over what `QUANTILE` of the ticks stay below
+QUANTILE = 0.99
+LEAST = 1e-3  # a scale, where nothing was seen
 Unit = tuple[str, float, float]
 
 

@@ -15,8 +15,8 @@ from rabbit_common.own_folder import new_file, own_folder
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from own_systems.episode import Ride
-    from own_systems.task import ControlTask
+    from cbf_clf_qp.task import ControlTask
+    from rl_trainer.task_episode import Ride
 
 DIFFERS = 1
 APART = 1_000_000  # seeds of evaluations begin here times their own; those of trainings are 32 bits long, drawn
@@ -39,7 +39,7 @@ def evaluate(
 ) -> None:
     """Ride many seeded episodes under each controller: which kept every barrier, and by how much."""
     loaded = load(task)
-    from own_systems.episode import Rider
+    from rl_trainer.task_episode import Rider
 
     rider = Rider(loaded)
     with complaints(ValueError):
@@ -55,8 +55,8 @@ def evaluate(
 
 def load(source: str) -> "ControlTask":
     """The task; ends the command where there is none, or it is wrong."""
-    from own_systems.loading import load_task
-    from own_systems.task import TaskError
+    from cbf_clf_qp.task import TaskError
+    from rabbit_description.task_source import load_task
 
     with complaints(TaskError):
         return load_task(source)
@@ -149,7 +149,7 @@ def train(
     if out.suffix != ".safetensors":
         fail(f"--out {out}: expected a name that ends in .safetensors")
     new_file(out)
-    from own_systems.training import train, write
+    from rl_trainer.task_training import train, write
 
     changes: dict[str, Any] = {"learner": learner} | ({"episodes": episodes} if episodes else {})
     with complaints(ValueError, OSError):
@@ -169,8 +169,8 @@ def ride(
     from rabbit_common.executables import LaunchError
     from rabbit_recording import RecordingError
     from rl_cbf_clf_controller.policy import ActorPolicy
+    from rl_trainer.task_episode import Rider
 
-    from own_systems.episode import Rider
     from own_systems.recording import write_ride
 
     rider = Rider(loaded)
@@ -200,8 +200,8 @@ def play(
     from rabbit_viewer.play import playing
     from rabbit_viewer.play.serving import serve
     from rabbit_viewer.play.settings import PlayError
+    from rl_trainer.task_episode import Rider
 
-    from own_systems.episode import Rider
     from own_systems.play import Start, TaskPlayer, check_asked, settings_of
 
     rider, names = Rider(loaded), tuple(controller.split(","))

@@ -26,7 +26,7 @@ from rabbit_description.state import ACTUATED, FEET, Array, BodySensors
 from rabbit_estimator.contact_aided_filter import EstimatorError
 from rabbit_msgs.msg import TorqueCommand
 from rabbit_msgs.srv import ResetEpisode
-from rabbit_sim.parameters import NodeParameters
+from rabbit_sim.parameters import PlayerParameters
 from rabbit_sim.ros.node import ERRORS, SimulatorNode
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Imu, JointState
@@ -49,7 +49,7 @@ class HardwareNode(SimulatorNode):
     def __init__(self) -> None:
         super().__init__()
         self._commands = self.create_publisher(JointState, "stamped_commands", 10)
-        simulation = self._player.simulation
+        simulation = self.rabbit
         simulation.plant.close()
         simulation.plant = self._robot = Hardware(self._own, self._send, simulation.parameters.tick_seconds)
         self._start, _ = load_gaits(self._own.gait).x_start
@@ -116,7 +116,7 @@ class HardwareNode(SimulatorNode):
 
     # The tick
 
-    def _set_pace(self, own: NodeParameters) -> None:
+    def _set_pace(self, own: PlayerParameters) -> None:
         """The sensors set it."""
 
     def _go_on(self) -> None:

@@ -13,11 +13,11 @@ from geometry_msgs.msg import Quaternion, Vector3, Wrench, WrenchStamped
 from rabbit_description.state import (
     ACTUATED,
     COORDINATES,
-    FEET,
     LAYOUT,
     TICK_SECONDS,
     Array,
     BodySensors,
+    RobotLayout,
     RobotState,
     StonePreview,
 )
@@ -30,10 +30,7 @@ from rabbit_common.message_checks import Refused, check_finite, check_lengths, d
 WORLD = "world"  # the frame of what the simulator measures
 SOLES = ("l_sole", "r_sole")  # the feet's frames, in the order of FEET
 NOTHING = np.zeros(0)
-LENGTHS = {
-    **dict.fromkeys(("q", "dq"), len(COORDINATES)),
-    **{"foot_force": 2 * len(FEET), "contact": len(FEET), "applied": len(ACTUATED)},
-}
+LENGTHS = LAYOUT.lengths
 LARGEST_SIGMA = 1000.0  # rad/s^2, as the controller's parameter
 LATE = "late"  # reason of a refusal
 UNIT = 1e-6  # by which a quaternion's norm may be off
@@ -72,20 +69,23 @@ def write_state(message: msg.RobotState, state: RobotState, episode: int, at: He
     message.touchdowns, message.previewed, message.running = state.touchdowns, state.preview is not None, state.running
 
 
-def state_of(message: msg.RobotState, preview: StonePreview | None, finite: bool = True) -> RobotState:
+def state_of(
+    message: msg.RobotState, preview: StonePreview | None, finite: bool = True, layout: RobotLayout = LAYOUT
+) -> RobotState:
     """A checked state from its message and the preview of stone `touchdowns + 1`; None on flat ground."""
-    check_state(message, finite)
+    check_state(message, finite, layout)
     return RobotState.of_message(message, preview)
 
 
-def check_state(message: msg.RobotState, finite: bool = True) -> None:
+def check_state(message: msg.RobotState, finite: bool = True, layout: RobotLayout = LAYOUT) -> None:
     """Refuse another robot's lengths, and what is not finite.
 
     An episode's last state may be anything (`finite` False): the plant may diverge.
     """
-    check_lengths(message, LENGTHS)
+    check_lengths(message, layout.lengths)
     for name in ("q", "dq", "foot_force") if finite else ():
-        check_finite(name, getattr(message, name))
+        if name != "dq" or layout.has_rates:
+            check_finite(name, getattr(message, name))
 
 
 def is_unknown(message: msg.RobotState) -> bool:
@@ -106,7 +106,7 @@ def preview_of(message: msg.StonePreview) -> StonePreview:
     return StonePreview(message.index, message.l_min, message.l_max, message.height)
 
 
-def check_episode(message: msg.Episode, after: int) -> None:
+def check_episode(message: msg.Episode, after: int, layout: RobotLayout = LAYOUT) -> None:
     """Refuse an announcement of a phase or noise that is none, of another robot, or of an episode before `after`.
 
     A simulator that begins anew counts from 1 again, see `is_new_simulator`.
@@ -115,8 +115,8 @@ def check_episode(message: msg.Episode, after: int) -> None:
         raise Refused("no phase", f"phase = {message.phase}; expected 0 to {msg.Episode.ENDED}")
     if not (math.isnan(message.sigma) or 0 <= message.sigma <= LARGEST_SIGMA):
         raise Refused("no noise", f"sigma = {message.sigma}; expected NaN or 0 to {LARGEST_SIGMA} rad/s^2")
-    for name, own in LAYOUT.items():
-        if (got := tuple(getattr(message, name))) not in ((), own):
+    for name, own in layout.names.items():
+        if (got := list(getattr(message, name))) not in ([], own):
             raise Refused("another robot", f"{name} = {', '.join(got[:8])}; expected {', '.join(own)}")
     if message.episode < after and not is_new_simulator(message):
         raise Refused(LATE, f"episode {message.episode}; expected {after} or a later one")
@@ -128,8 +128,8 @@ class Announcements:
     Then the true ones are late, for ever. So the second that is late, with no tick between, leads the node back.
     """
 
-    def __init__(self) -> None:
-        self._late = 0
+    def __init__(self, layout: RobotLayout = LAYOUT) -> None:
+        self._late, self._layout = 0, layout
 
     def went_on(self) -> None:
         """A state came that was next in turn."""
@@ -138,7 +138,7 @@ class Announcements:
     def check(self, message: msg.Episode, present: int) -> bool:
         """Whether what is known is of no use any more; `present`: the episode of the newest state. Raises `Refused`."""
         try:
-            check_episode(message, present)
+            check_episode(message, present, self._layout)
         except Refused as error:
             self._late += error.reason == LATE
             if error.reason != LATE or self._late < 2:
@@ -168,9 +168,9 @@ def check_plan(message: msg.EpisodePlan, done: Collection[int]) -> None:
         raise Refused(reason, f"plan after episode {message.after_episode}; expected {min(done)}")
 
 
-def torque_of(message: msg.TorqueCommand) -> Array:
-    """Torques (4,), N m."""
-    check_lengths(message, {"torque": len(ACTUATED)})
+def torque_of(message: msg.TorqueCommand, joints: int = len(ACTUATED)) -> Array:
+    """Torques of so many `joints`, N m."""
+    check_lengths(message, {"torque": joints})
     check_finite("torque", message.torque)
     return np.array(message.torque)
 

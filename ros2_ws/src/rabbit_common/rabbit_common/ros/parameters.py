@@ -43,6 +43,17 @@ def declare(node: Node, model: type[Model], dynamic: Collection[str] = ()) -> Mo
     return _checked(model, values)
 
 
+def given(node: str, parameter: str) -> str:
+    """What file or command line give for a text parameter of a node that is not made yet; empty: nothing."""
+    bare = Node(node, enable_rosout=False, start_parameter_services=False)
+    try:
+        return str(bare.declare_parameter(parameter, "").value)
+    except InvalidParameterTypeException as error:
+        raise ParameterError(f"parameter {parameter}: {str(error).strip()}") from error
+    finally:
+        bare.destroy_node()
+
+
 def refuse_unknown(node: Node) -> None:
     """Raise `ParameterError` if a file or the command line sets a parameter that no model declares.
 

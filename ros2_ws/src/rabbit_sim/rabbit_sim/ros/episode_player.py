@@ -3,24 +3,42 @@
 import math
 from collections.abc import Callable
 from pathlib import Path
+from typing import Protocol
 
 from rabbit_common.message_checks import Refused, check_turn
 from rabbit_common.ros.conversions import header, set_time, torque_of
-from rabbit_description.force_ratio import force_ratio
-from rabbit_description.gait import load_gaits
-from rabbit_description.state import Array, Leg, RobotState
+from rabbit_description.state import Array, RobotLayout, RobotState
 from rabbit_msgs.msg import Episode, TorqueCommand
 from rclpy.node import Node
 
-from rabbit_sim.parameters import NodeParameters, SimulationParameters
+from rabbit_sim.parameters import PlayerParameters
 from rabbit_sim.real_time import Source, StandIn
 from rabbit_sim.restart_file import RestartFile
 from rabbit_sim.ros.live_controllers import REPEAT_SECONDS, ControllerAdmission, Wait
-from rabbit_sim.ros.publishers import KEPT, SimulatorPublishers, episode_of, of_our_robot
+from rabbit_sim.ros.publishers import KEPT, Publishers, episode_of
 from rabbit_sim.ros.tick_clock import TickClock
-from rabbit_sim.simulation import Simulation
 
 BY_SERVICE = "by service"  # reason of a reset after which another episode begins at once
+
+
+class Played(Protocol):
+    """What is simulated: RABBIT's `Simulation`, or a task's."""
+
+    layout: RobotLayout
+
+    @property
+    def tick_seconds(self) -> float: ...
+
+    @property
+    def verdict(self) -> tuple[str, str]: ...
+
+    def joint_rates(self, state: RobotState) -> Array: ...
+
+    def reset(self, seed: int) -> RobotState: ...
+
+    def step(self, torque: Array) -> RobotState: ...
+
+    def close(self) -> None: ...
 
 
 class EpisodePlayer:
@@ -31,47 +49,37 @@ class EpisodePlayer:
     """
 
     def __init__(
-        self, node: Node, own: NodeParameters, plant: SimulationParameters, on_due: Callable[[], None], sender: str
+        self, node: Node, own: PlayerParameters, simulation: Played, topics: Publishers, on_due: Callable[[], None]
     ) -> None:
-        """`on_due` is called when a tick is due; messages say their `sender`.
-
-        Raises `GaitError`, `CourseError`, `RestartFileError`.
-        """
+        """`on_due` is called when a tick is due; raises `RestartFileError`."""
         self._log, self._own = node.get_logger(), own
-        self.simulation = Simulation(plant, load_gaits(own.gait))
+        self.simulation, self.topics = simulation, topics
         self._memory = RestartFile(Path(own.memory) if own.memory else None)
         before = self._memory.stand  # of a simulator that was killed
         self.clock_ticks, self._now = before.clock_ticks, header(0)
-        self._tick_seconds = plant.tick_seconds
-        self.episode = episode_of(before, sender, stones=plant.stones, tick_seconds=plant.tick_seconds)
+        self._tick_seconds = simulation.tick_seconds
+        self._same = {"sender": topics.sender, "stones": topics.stones, "tick_seconds": self._tick_seconds}
+        self._same |= simulation.layout.names  # of all episodes
+        self.episode = episode_of(before, **self._same)
         self.state: RobotState | None = None
         self.torque: Array | None = None
         self.stand_in = StandIn(own.held_ticks, own.damped_ticks, own.damping)
         self.admission, self.wait = ControllerAdmission(), Wait()
-        self.ticks = TickClock(node, plant.tick_seconds, own.late_limit, on_due)
-        self.topics = SimulatorPublishers(node, plant, own, sender)
+        self.ticks = TickClock(node, self._tick_seconds, own.late_limit, on_due)
         if before.running:
             self._log.warning(f"episode {before.episode}, tick {before.tick}: {self.episode.reason}")
 
-    @property
-    def force_ratio(self) -> float:
-        """|F_T| / F_N of the stance foot as measured; NaN where it is not loaded."""
-        state = self.state
-        return math.nan if state is None else float(force_ratio(state.foot_force[Leg.standing(state.touchdowns)]))
-
     def begin(self, seed: int, sigma: float = math.nan, policy: str = "") -> None:
         """Reset the plant; tick 0 goes out at once."""
-        plant = self.simulation.parameters
-        if plant.sensors == "lab":
+        if self.topics.is_lab:
             self.clock_ticks += 1  # what the sensors say is matched by its stamp: each tick has one of its own
         self.torque = None
         self.stand_in.begin()
         self.admission.begin()
         self.state = state = self.simulation.reset(seed)
         number = self.episode.episode + 1
-        told = {"seed": seed, "sigma": sigma, "policy_version": policy, "stones": plant.stones}
-        told["tick_seconds"] = plant.tick_seconds
-        self.episode = of_our_robot(episode=number, sender=self.episode.sender, **told)
+        told = {"seed": seed, "sigma": sigma, "policy_version": policy}
+        self.episode = Episode(episode=number, **told, **self._same)
         self.topics.begin(self.episode)
         self.announce(Episode.RUNNING)
         self._publish(state)
@@ -94,7 +102,7 @@ class EpisodePlayer:
             self.ticks.due = False  # the first tick begins at the next pace after its torque
             return False
         gave_up = self.stand_in.gave_up
-        torque, source = self.stand_in.missed(self.state.tick, self.state.joints[1])
+        torque, source = self.stand_in.missed(self.state.tick, self.simulation.joint_rates(self.state))
         self._step(torque, source)
         return self.stand_in.gave_up and not gave_up
 
@@ -109,7 +117,7 @@ class EpisodePlayer:
             self.ticks.simulated(header(before[0], self._tick_seconds), *before[1:], source)
         self._publish(self.state)
         if not self.state.running or self.stand_in.is_over:
-            self.end(*self.stand_in.verdict(self.simulation.outcome.value))
+            self.end(*self.stand_in.verdict(*self.simulation.verdict))
 
     def end(self, outcome: str, reason: str = "") -> None:
         """End the episode, if one runs."""
@@ -156,7 +164,7 @@ class EpisodePlayer:
         check_turn((message.episode, message.tick), (turn[0], message.tick) if is_late else turn)
         if self.stand_in.gave_up:
             raise Refused("too late", f"the joints are damped since tick {self.state.tick}")
-        return torque_of(message)
+        return torque_of(message, len(self.simulation.layout.joints))
 
     @property
     def missing(self) -> str:
@@ -185,7 +193,7 @@ class EpisodePlayer:
         """A tick's messages."""
         self._memory.note(clock_ticks=self.clock_ticks, tick=state.tick, touchdowns=state.touchdowns)
         set_time(self._now, self.clock_ticks, self._tick_seconds)
-        self.topics.tick(state, self.episode.episode, self._now, self.simulation.landings, self.simulation.reading)
+        self.topics.tick(state, self.episode.episode, self._now)
         self.ticks.sent(state.tick)
         if self.wait.reminders:
             self._log.warning(f"goes on with tick {state.tick} of episode {self.episode.episode}")

@@ -4,6 +4,7 @@ In lock-step (the default) nothing moves before the torque of the very tick has 
 the wall clock, and `real_time` says what acts in place of a torque that comes late.
 """
 
+from cbf_clf_qp.task import TaskError
 from rabbit_common.message_checks import Refused
 from rabbit_common.priority import scheduling, take_priority
 from rabbit_common.ros.checked_node import CheckedNode
@@ -12,38 +13,58 @@ from rabbit_common.ros.diagnostics import OK, WARN, Diagnostics, Status
 from rabbit_common.ros.parameters import declare, follow, refuse_unknown
 from rabbit_common.ros.qos import EVENT, TICK
 from rabbit_common.ros.spin import run, steady_timer
-from rabbit_description.gait import GaitError
+from rabbit_description.gait import GaitError, load_gaits
 from rabbit_description.state import RobotState
+from rabbit_description.task_source import load_task
 from rabbit_msgs.msg import Episode, EpisodePlan, TorqueCommand
 from rabbit_msgs.srv import ResetEpisode
 from std_srvs.srv import SetBool
 
-from rabbit_sim.parameters import NodeParameters, SimulationParameters
+from rabbit_sim.parameters import NodeParameters, PlayerParameters, SimulationParameters
 from rabbit_sim.restart_file import RestartFileError
-from rabbit_sim.ros.episode_player import BY_SERVICE, EpisodePlayer
+from rabbit_sim.ros.episode_player import BY_SERVICE, EpisodePlayer, Played
 from rabbit_sim.ros.live_controllers import LOOK_SECONDS, LiveControllers
 from rabbit_sim.ros.other_simulators import OtherSimulators
+from rabbit_sim.ros.publishers import Publishers, RabbitPublishers, TaskPublishers
+from rabbit_sim.simulation import Simulation
 from rabbit_sim.stones import CourseError
+from rabbit_sim.task_simulation import TaskSimulation
 
-ERRORS = (GaitError, CourseError, RestartFileError)  # of the constructor, when a file or value cannot be used
+ERRORS = (
+    GaitError,
+    CourseError,
+    RestartFileError,
+    TaskError,
+)  # of the constructor, when a file or value cannot be used
 
 
 class SimulatorNode(CheckedNode):
     """Plays episodes with whoever answers its states."""
 
     NAME = "simulator"
-    PARAMETERS = NodeParameters
+    PARAMETERS: type[PlayerParameters] = NodeParameters
 
     def __init__(self) -> None:
         super().__init__(self.NAME)
         self._own = declare(self, self.PARAMETERS, dynamic=("pace",))
-        plant = declare(self, SimulationParameters)
+        task = getattr(self._own, "task", "")
+        plant = None if task else declare(self, SimulationParameters)
         refuse_unknown(self)
         take_priority(self._own.priority, self.get_logger().warning)
         self._plan: EpisodePlan | None = None
         self._paused = self._own.start_paused
         self._others = OtherSimulators(self, self._claim, self._give_way)
-        self._player = EpisodePlayer(self, self._own, plant, self._on_due, self._others.sender)
+        sender = self._others.sender
+        simulation: Played
+        topics: Publishers
+        if plant is None:
+            played = TaskSimulation(load_task(task))
+            simulation, topics = played, TaskPublishers(self, played.task, sender)
+            what = f"of {played.task.name}"
+        else:
+            self.rabbit = simulation = Simulation(plant, load_gaits(self._own.gait))
+            topics, what = RabbitPublishers(self, self.rabbit, self._own, sender), f"of {plant.stones} stones"
+        self._player = EpisodePlayer(self, self._own, simulation, topics, self._on_due)
         torques = self._hear(TorqueCommand, "torque", self._on_torque, TICK)
         self._live_controllers = LiveControllers(self, torques)
         self._plans = self._hear(EpisodePlan, "episode_plan", self._on_plan, EVENT)
@@ -55,7 +76,7 @@ class SimulatorNode(CheckedNode):
         self._set_pace(self._own)
         follow(self, self._own, self._set_pace)
         episodes = f"{self._own.episodes} episodes from seed {self._own.seed}"
-        self.get_logger().info(f"ready: {episodes}, of {plant.stones} stones")
+        self.get_logger().info(f"ready: {episodes}, {what}")
         if (done := self._player.episode.episode) >= self._own.episodes > 0:
             self.get_logger().warning(f"memory {self._own.memory}: all {done} episodes are done, and none begins")
 
@@ -88,7 +109,12 @@ class SimulatorNode(CheckedNode):
 
     def _on_plan(self, message: EpisodePlan) -> None:
         now = self._player.episode.episode
-        check_plan(message, (now,) if self._player.state is None else (now - 1, now))
+        try:
+            check_plan(message, (now,) if self._player.state is None else (now - 1, now))
+        except Refused:
+            if message.after_episode > now:  # the trainer was led astray: it hears where the simulator stands
+                self._player.announce(self._player.episode.phase)
+            raise
         self._message_counter.accept("episode_plan")
         self._plan = message
 
@@ -178,7 +204,7 @@ class SimulatorNode(CheckedNode):
     def _give_way(self, reason: str) -> None:
         self._player.end("reset", reason)
 
-    def _set_pace(self, own: NodeParameters) -> None:
+    def _set_pace(self, own: PlayerParameters) -> None:
         """Follow a new pace between two ticks."""
         self._own = own
         self._player.ticks.set_pace(own.pace or float(own.real_time))
@@ -209,7 +235,7 @@ class SimulatorNode(CheckedNode):
     def _status(self) -> Status:
         e, punctuality = self._player.episode, self._player.ticks.punctuality
         figures = {"episode": e.episode, "outcome": e.outcome, "paused": self._paused, "scheduling": scheduling()}
-        figures |= {"ticks": self._player.clock_ticks, "force ratio": self._player.force_ratio}
+        figures |= {"ticks": self._player.clock_ticks, **self._player.topics.figures}
         if self._own.real_time:
             figures |= punctuality.figures
         if missing := self._missing():

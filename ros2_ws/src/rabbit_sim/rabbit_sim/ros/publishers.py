@@ -1,11 +1,12 @@
 """What the simulator publishes and logs: the messages of a tick, and where the episode stands."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
+from cbf_clf_qp.task import ControlTask
 from geometry_msgs.msg import WrenchStamped
+from rabbit_common.message_checks import doubles
 from rabbit_common.ros.conversions import (
     encoder_message,
     foot_wrench,
@@ -17,8 +18,10 @@ from rabbit_common.ros.conversions import (
 )
 from rabbit_common.ros.qos import EVENT, TICK
 from rabbit_common.ros.robot_frames import RobotFrames
-from rabbit_description.state import FEET, LAYOUT, Leg, RobotState, StonePreview
-from rabbit_msgs.msg import Episode
+from rabbit_common.task_messages import parameter_fields
+from rabbit_description.force_ratio import force_ratio
+from rabbit_description.state import FEET, Leg, RobotState, StonePreview
+from rabbit_msgs.msg import Episode, TaskParameters
 from rabbit_msgs.msg import Landing as LandingMessage
 from rabbit_msgs.msg import RobotState as StateMessage
 from rabbit_msgs.msg import StonePreview as PreviewMessage
@@ -27,74 +30,137 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import Header
 
-from rabbit_sim.parameters import NodeParameters, SimulationParameters
-from rabbit_sim.plant import PlantReading
+from rabbit_sim.parameters import PlayerParameters
 from rabbit_sim.restart_file import RestartPoint
-from rabbit_sim.simulation import Landing
+from rabbit_sim.simulation import Simulation
 
 
-class SimulatorPublishers:
-    """The simulator's publishers.
+class Publishers:
+    """What every simulator publishes: announcements, the clock, and the state of a tick, see `tick`."""
 
-    With a lab's sensors the state is another node's estimate; the truth is published too, for judges alone.
-    A robot's own drivers say what its sensors say.
-    """
+    is_lab = False
+    stones = 0  # of an episode
 
-    def __init__(self, node: Node, p: SimulationParameters, own: NodeParameters, sender: str) -> None:
-        self._log, self._is_lab, self._sender = node.get_logger(), p.sensors == "lab", sender
-        if self._is_lab:
-            self._imu = node.create_publisher(Imu, "imu", TICK)
-            self._truth = node.create_publisher(StateMessage, "true_state", TICK)
-            gyro, accelerometer = p.gyro_noise**2 + p.gyro_bias**2, p.accelerometer_noise**2 + p.accelerometer_bias**2
-            self._variances = p.attitude_error**2, gyro, accelerometer
-        self._states = node.create_publisher(StateMessage, "measured" if self._is_lab else "state", TICK)
-        has_drivers = not own.IS_SIMULATED
+    def __init__(self, node: Node, sender: str, state: str = "state") -> None:
+        self._log, self.sender = node.get_logger(), sender
         self._message = StateMessage(sender=sender)
-        self._joints = None if has_drivers else node.create_publisher(JointState, "joint_states", TICK)
-        feet = () if has_drivers else FEET
-        self._wrenches = [node.create_publisher(WrenchStamped, f"{foot}_foot/wrench", TICK) for foot in feet]
-        self._frames = RobotFrames(node) if own.publish_tf and not self._is_lab else None
+        self._states = node.create_publisher(StateMessage, state, TICK)
         self._clock = node.create_publisher(Clock, "clock", TICK)
-        self._previews = node.create_publisher(PreviewMessage, "preview", EVENT)
-        self._landings = node.create_publisher(LandingMessage, "landing", EVENT)
         self.episodes = node.create_publisher(Episode, "episode", EVENT)
-        self._preview: StonePreview | None = None
-        self._landings_sent = 0
 
     @property
     def readers(self) -> int:
-        """Nodes that hear the state, or what is measured of it."""
+        """Nodes that hear all that a controller answers."""
         return int(self._states.get_subscription_count())
+
+    @property
+    def figures(self) -> dict[str, float]:
+        """For diagnostics."""
+        return {}
 
     def begin(self, e: Episode) -> None:
         """Another episode begins; logs it as in `episode 2 begins: seed 8, 20 stones, policy 1f2e3d4c5b6a`."""
-        self._preview, self._landings_sent = None, 0
+        stones = f", {e.stones} stones" if e.stones else ""
         policy = f", policy {e.policy_version}" if e.policy_version else ""
-        self._log.info(f"episode {e.episode} begins: seed {e.seed}, {e.stones} stones{policy}")
+        self._log.info(f"episode {e.episode} begins: seed {e.seed}{stones}{policy}")
 
     def end(self, e: Episode) -> None:
         """Logs it as in `episode 2 ends, fall: 7 of 20 stones, 341 ticks`; an episode with a reason is a warning."""
         walked = e.touchdowns - (e.outcome == "miss")
-        line = f"episode {e.episode} ends, {e.outcome}: {walked} of {e.stones} stones, {e.tick} ticks"
+        stones = f"{walked} of {e.stones} stones, " if e.stones else ""
+        line = f"episode {e.episode} ends, {e.outcome}: {stones}{e.tick} ticks"
         if e.reason:
             self._log.warning(f"{line}: {e.reason}")
         else:
             self._log.info(line)
 
-    def tick(
-        self, state: RobotState, episode: int, at: Header, landings: Sequence[Landing], reading: PlantReading
-    ) -> None:
-        """A tick; what the controller needs with the state goes before it. `landings`: all of the episode."""
-        if state.preview is not None and state.preview != self._preview:
-            self._previews.publish(preview_message(state.preview, episode, at, self._sender))
-        self._preview = state.preview
+    def tick(self, state: RobotState, episode: int, at: Header) -> None:
+        """A tick; what the controller needs with the state goes before it."""
         self._state(state, episode, at)
         if self._clock.get_subscription_count():  # what follows the controller does not wait for
             self._clock.publish(Clock(clock=at.stamp))
-        if self._is_lab and self._truth.get_subscription_count():
+
+    def again(self, state: RobotState, episode: int, at: Header) -> None:
+        """What the answer to a tick needs: its reader may just have come, or have heard something else."""
+        self._state(state, episode, at)
+
+    def _state(self, state: RobotState, episode: int, at: Header) -> None:
+        """What is answered."""
+        write_state(self._message, state, episode, at)
+        self._states.publish(self._message)
+
+
+class TaskPublishers(Publishers):
+    """Of a control task: with each state what it is commanded, and its joints."""
+
+    def __init__(self, node: Node, task: ControlTask, sender: str) -> None:
+        super().__init__(node, sender)
+        self._task = task
+        self._parameters = node.create_publisher(TaskParameters, "parameters", TICK)
+        self._joints = node.create_publisher(JointState, "joint_states", TICK)
+
+    @property
+    def readers(self) -> int:
+        """See `Publishers`."""
+        return min(super().readers, int(self._parameters.get_subscription_count()))
+
+    def _state(self, state: RobotState, episode: int, at: Header) -> None:
+        assert state.parameters is not None
+        head = {"header": at, "episode": episode, "tick": state.tick, "sender": self.sender}
+        self._parameters.publish(TaskParameters(**head, **parameter_fields(self._task, state.parameters)))
+        super()._state(state, episode, at)
+        if self._joints.get_subscription_count():
+            told = {"position": doubles(state.q), "velocity": doubles(state.dq)}
+            self._joints.publish(JointState(header=at, name=list(self._task.names_of_q), **told))
+
+
+class RabbitPublishers(Publishers):
+    """RABBIT's.
+
+    With a lab's sensors the state is another node's estimate; the truth is published too, for judges alone.
+    A robot's own drivers say what its sensors say.
+    """
+
+    def __init__(self, node: Node, simulation: Simulation, own: PlayerParameters, sender: str) -> None:
+        p = simulation.parameters
+        super().__init__(node, sender, "measured" if p.sensors == "lab" else "state")
+        self._simulation, self.is_lab, self.stones = simulation, p.sensors == "lab", p.stones
+        if self.is_lab:
+            self._imu = node.create_publisher(Imu, "imu", TICK)
+            self._truth = node.create_publisher(StateMessage, "true_state", TICK)
+            gyro, accelerometer = p.gyro_noise**2 + p.gyro_bias**2, p.accelerometer_noise**2 + p.accelerometer_bias**2
+            self._variances = p.attitude_error**2, gyro, accelerometer
+        has_drivers = not own.IS_SIMULATED
+        self._joints = None if has_drivers else node.create_publisher(JointState, "joint_states", TICK)
+        feet = () if has_drivers else FEET
+        self._wrenches = [node.create_publisher(WrenchStamped, f"{foot}_foot/wrench", TICK) for foot in feet]
+        self._frames = RobotFrames(node) if own.publish_tf and not self.is_lab else None
+        self._previews = node.create_publisher(PreviewMessage, "preview", EVENT)
+        self._landings = node.create_publisher(LandingMessage, "landing", EVENT)
+        self._preview: StonePreview | None = None
+        self._landings_sent, self._force_ratio = 0, math.nan
+
+    @property
+    def figures(self) -> dict[str, float]:
+        """|F_T| / F_N of the stance foot as measured; NaN where it is not loaded."""
+        return {"force ratio": self._force_ratio}
+
+    def begin(self, e: Episode) -> None:
+        """See `Publishers`."""
+        self._preview, self._landings_sent = None, 0
+        super().begin(e)
+
+    def tick(self, state: RobotState, episode: int, at: Header) -> None:
+        """See `Publishers`."""
+        reading, landings = self._simulation.reading, self._simulation.landings
+        if state.preview is not None and state.preview != self._preview:
+            self._previews.publish(preview_message(state.preview, episode, at, self.sender))
+        self._preview = state.preview
+        super().tick(state, episode, at)
+        if self.is_lab and self._truth.get_subscription_count():
             true = replace(state, q=reading.q, dq=reading.dq, foot_force=reading.foot_force)
             self._truth.publish(state_message(true, episode, at))
-        elif not self._is_lab and self._joints and self._joints.get_subscription_count():
+        elif not self.is_lab and self._joints and self._joints.get_subscription_count():
             self._joints.publish(joint_state(state, at))
         if self._frames and self._frames.are_read:
             self._frames.publish(self._message)
@@ -107,17 +173,17 @@ class SimulatorPublishers:
             fields = {name: getattr(landing, name) for name in ("tick", "index", "l", "l_min", "l_max", "on_stone")}
             self._landings.publish(LandingMessage(header=at, episode=episode, **fields))
         self._landings_sent = len(landings)
+        self._force_ratio = float(force_ratio(state.foot_force[Leg.standing(state.touchdowns)]))
 
     def again(self, state: RobotState, episode: int, at: Header) -> None:
-        """What the answer to a tick needs: its reader may just have come, or have heard something else."""
+        """See `Publishers`."""
         if state.preview is not None:
-            self._previews.publish(preview_message(state.preview, episode, at, self._sender))
-        self._state(state, episode, at)
+            self._previews.publish(preview_message(state.preview, episode, at, self.sender))
+        super().again(state, episode, at)
 
     def _state(self, state: RobotState, episode: int, at: Header) -> None:
-        """What is answered: with a lab's sensors in three parts."""
-        write_state(self._message, state, episode, at)
-        self._states.publish(self._message)
+        """With a lab's sensors in three parts."""
+        super()._state(state, episode, at)
         if self._joints and state.sensors:
             self._joints.publish(encoder_message(state.sensors, at, state.applied))
             self._imu.publish(imu_message(state.sensors, at, self._variances))
@@ -126,14 +192,9 @@ class SimulatorPublishers:
 KEPT = ("episode", "tick", "touchdowns", "seed", "sigma", "policy_version")  # of an episode, in the restart file
 
 
-def of_our_robot(**fields: Any) -> Episode:
-    """An announcement, with the names of what our arrays hold."""
-    return Episode(**{name: list(names) for name, names in LAYOUT.items()}, **fields)
-
-
-def episode_of(before: RestartPoint, sender: str, **told: Any) -> Episode:
+def episode_of(before: RestartPoint, **told: Any) -> Episode:
     """The newest episode of the simulator before this one; where that was killed in its middle, it is over."""
-    episode = of_our_robot(sender=sender, **told, **{name: getattr(before, name) for name in KEPT})
+    episode = Episode(**told, **{name: getattr(before, name) for name in KEPT})
     if not before.episode:
         episode.sigma = math.nan
     if before.running:

@@ -1,40 +1,46 @@
 """The controller's node: a state comes in, is held until all its tick needs is there, and is answered with a torque.
 
-A tick needs the preview of stone `touchdowns + 1`, if one was announced; the first tick of an episode also needs the
-policy that the episode names. A controller that comes in the middle of an episode says so, which ends it: it
-does not know since when which leg stands. Policies are put in force between two ticks; every torque says which policy
-made it.
+A tick of RABBIT needs the preview of stone `touchdowns + 1`, if one was announced; one of a task that is commanded its
+`parameters`; the first tick of an episode also needs the policy that the episode names. A controller of RABBIT that
+comes in the middle of an episode says so, which ends it: it does not know since when which leg stands. A task has no
+such memory. Policies are put in force between two ticks; every torque says which policy made it.
 """
 
 import math
 import secrets
-from functools import partial
 
 import numpy as np
+from cbf_clf_qp.task import TaskError
 from pydantic import Field
 from rabbit_common.guard import reason_of
 from rabbit_common.message_checks import Refused, doubles
 from rabbit_common.priority import scheduling, take_priority
-from rabbit_common.ros.diagnostics import BARRIER, OK, WARN, Diagnostics, Status
+from rabbit_common.ros.diagnostics import OK, WARN, Diagnostics, Status
 from rabbit_common.ros.parameters import ParameterError, declare, follow, refuse_unknown
 from rabbit_common.ros.qos import EVENT, TICK
 from rabbit_common.ros.simulator_follower import SimulatorFollower
 from rabbit_common.ros.spin import run
+from rabbit_description import ABOUT_TASK
 from rabbit_description.gait import GaitError, load_gaits
 from rabbit_description.state import Array
+from rabbit_description.task_source import load_task
 from rabbit_msgs import msg
 
-from rl_cbf_clf_controller.controller import DYNAMIC, Controller
-from rl_cbf_clf_controller.fitted_policy import fitted
+from rl_cbf_clf_controller.controller import DYNAMIC
 from rl_cbf_clf_controller.kinds import ControllerName
-from rl_cbf_clf_controller.message_fields import state_fields, terms_fields
 from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_cbf_clf_controller.policy import ZeroPolicy
-from rl_cbf_clf_controller.ros.policies import ZERO, CheckedPolicy, NodeParameters, Policies
+from rl_cbf_clf_controller.ros import policies
+from rl_cbf_clf_controller.ros.answerers import Answerer, RabbitAnswerer, TaskAnswerer
 from rl_cbf_clf_controller.ros.tick_intake import TickIntake
 from rl_cbf_clf_controller.scene import ControllerError
 from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP
 from rl_cbf_clf_controller.weights import PolicyFileError
+
+
+class NodeParameters(policies.NodeParameters):
+    """What is controlled, and with which policies."""
+
+    task: str = Field("", description=f"what is controlled; empty: RABBIT; else {ABOUT_TASK}")
 
 
 class Settings(ControllerParameters):
@@ -52,30 +58,43 @@ class ControllerNode(SimulatorFollower):
         super().__init__("controller")
         self._sender = f"{self.get_fully_qualified_name()} {secrets.token_hex(8)}"[-128:]
         own = declare(self, NodeParameters)
-        self._settings: ControllerParameters = declare(self, Settings, dynamic=DYNAMIC)
+        self._settings: ControllerParameters | None = None  # RABBIT's
+        answerer: Answerer
+        if not own.task:
+            self._settings = declare(self, Settings, dynamic=DYNAMIC)
         refuse_unknown(self)
         take_priority(own.priority, self.get_logger().warning)
-        self._gait = load_gaits(self._settings.gait)
-        zero = {ZERO: CheckedPolicy(ZERO, "built in", ZeroPolicy(self._settings.problem))}
-        fit = partial(fitted, parameters=self._settings, gaits=self._gait)
-        self._policies = Policies(self, own, zero, fit, self._sender, self._go_on)
-        self._controller = Controller(self._settings, self._gait, self._policies.in_force.policy)
-        self._controller.rehearse()
+        if self._settings:
+            self._gait = load_gaits(self._settings.gait)
+            self._rabbit = answerer = RabbitAnswerer(self._settings, self._gait)
+            self._ticks = TickIntake(self._settings.tick_seconds)
+            what = f"{self._settings.controller}, gait {self._gait.name}"
+        else:
+            task = load_task(own.task)
+            answerer = TaskAnswerer(task, own.policy)
+            self._ticks = TickIntake(task.seconds, task)
+            what = f"task {task.name}"
+        self._answerer = answerer
+        self._policies = policies.Policies(self, own, answerer.built_in, answerer.fit, self._sender, self._go_on)
+        answerer.follow(self._policies.in_force.policy)
         self.close = self._policies.close
-        self._ticks = TickIntake(self._settings.tick_seconds)
+        self._begun = 0  # the newest episode
         self._answer = msg.TorqueCommand(sender=self._sender)  # the newest
         self._torques = self.create_publisher(msg.TorqueCommand, "torque", TICK)
         self._details = self.create_publisher(msg.ControllerState, "controller_state", TICK)
         self._terms = self.create_publisher(msg.LearnerTerms, "learner_terms", TICK)
-        self._told_settings = self.create_publisher(msg.ControllerSettings, "controller_settings", EVENT)
         self._states = self._hear_simulator(msg.RobotState, "state", self._on_state, TICK)
-        self._hear_simulator(msg.StonePreview, "preview", self._on_preview, EVENT)
+        if self._settings:
+            self._hear_simulator(msg.StonePreview, "preview", self._on_preview, EVENT)
+            self._told_settings = self.create_publisher(msg.ControllerSettings, "controller_settings", EVENT)
+        else:
+            self._hear_simulator(msg.TaskParameters, "parameters", self._on_task_parameters, TICK)
         self._hear_simulator(msg.Episode, "episode", self._on_episode, EVENT)
         self._diagnostics = Diagnostics(self, self._message_counter, self._status)
-        self._tell_settings()
-        follow(self, self._settings, self._on_parameters)
-        chosen = f"{self._settings.controller}, gait {self._gait.name}"
-        self.get_logger().info(f"ready: {chosen}, policy {self._policies.in_force.version}")
+        if self._settings:
+            self._tell_settings(self._settings)
+            follow(self, self._settings, self._on_parameters)
+        self.get_logger().info(f"ready: {what}, policy {self._policies.in_force.version}")
 
     # What comes in
 
@@ -96,6 +115,11 @@ class ControllerNode(SimulatorFollower):
     def _on_preview(self, message: msg.StonePreview) -> None:
         self._ticks.keep_preview(message)
         self._message_counter.accept("preview")
+        self._go_on()
+
+    def _on_task_parameters(self, message: msg.TaskParameters) -> None:
+        self._ticks.keep_parameters(message)
+        self._message_counter.accept("parameters")
         self._go_on()
 
     def _on_episode(self, message: msg.Episode) -> None:
@@ -122,37 +146,40 @@ class ControllerNode(SimulatorFollower):
             return
         state = self._ticks.complete(message)
         self._message_counter.accept("state")
-        if message.tick == 0:
-            self._set_parameters(self._settings)
-            self._controller.reset(self._ticks.episode.seed)
+        if message.tick == 0 or message.episode != self._begun:
+            self._begun = message.episode
+            if self._settings:
+                self._set_parameters(self._settings)
+            self._answerer.begin(self._ticks.episode)
         if policy := self._policies.swap(self._ticks.turn, self._named(message)):
-            self._controller.policy = policy
+            self._answerer.follow(policy)
         try:
-            acted = self._controller.act(state)
-        except Exception as error:  # a barrier or a solver may be another package's
+            torque, fault = self._answerer.act(state)
+        except Exception as error:  # a barrier, a solver or a task may be another package's
             self._give_up(message, reason_of(error))
             return
-        self._say(message, acted.torque, acted.policy_version, acted.fault)
+        self._say(message, torque, fault)
         head = {"header": message.header, "episode": message.episode, "tick": message.tick, "sender": self._sender}
         if self._details.get_subscription_count():  # while the simulator steps
-            self._details.publish(msg.ControllerState(**head, **state_fields(self._controller.output())))
-        if self._terms.get_subscription_count():
-            self._terms.publish(msg.LearnerTerms(**head, **terms_fields(self._controller.output())))
+            self._details.publish(msg.ControllerState(**head, **self._answerer.state_fields()))
+        if self._terms.get_subscription_count() and (terms := self._answerer.terms_fields()):
+            self._terms.publish(msg.LearnerTerms(**head, **terms))
 
-    def _say(self, answered: msg.RobotState, torque: Array, policy: str, fault: str) -> None:
+    def _say(self, answered: msg.RobotState, torque: Array, fault: str) -> None:
         answer = self._answer
         answer.header, answer.episode, answer.tick = answered.header, answered.episode, answered.tick
-        answer.torque, answer.policy_version, answer.fault = doubles(torque), policy, fault[:128]
+        answer.torque, answer.fault = doubles(torque), fault[:128]
+        answer.policy_version = self._policies.in_force.version[:64]
         self._torques.publish(answer)
 
     def _give_up(self, message: msg.RobotState, reason: str) -> None:
         """Answer with a fault: the simulator ends the episode under this reason."""
         self.get_logger().error(reason)
-        self._say(message, np.zeros(len(message.applied)), self._policies.in_force.version, reason)
+        self._say(message, np.zeros(len(message.applied)), reason)
 
     def _missing(self, message: msg.RobotState) -> str:
         """What this tick still waits for; empty when it can be made."""
-        return self._ticks.missing_preview(message) or self._policies.missing(self._named(message))
+        return self._ticks.missing(message) or self._policies.missing(self._named(message))
 
     def _named(self, message: msg.RobotState) -> str:
         """The policy that the episode names for this tick, its first; empty: any."""
@@ -165,34 +192,31 @@ class ControllerNode(SimulatorFollower):
             self._set_parameters(parameters)
         except ControllerError as error:
             raise ParameterError(str(error)) from error
-        self._tell_settings()
+        self._tell_settings(parameters)
 
-    def _tell_settings(self) -> None:
+    def _tell_settings(self, parameters: ControllerParameters) -> None:
         """From which tick the present parameters hold."""
         episode, tick = self._ticks.turn
         turn = {"episode": episode, "tick": tick + (self._ticks.held is None)}
-        texts = {"parameters": self._settings.model_dump_json(), "gait": self._gait.model_dump_json()}
+        texts = {"parameters": parameters.model_dump_json(), "gait": self._gait.model_dump_json()}
         self._told_settings.publish(msg.ControllerSettings(**turn, **texts, sender=self._sender))
 
     def _set_parameters(self, parameters: ControllerParameters) -> None:
         """The episode's own sigma goes before the node's."""
         sigma = self._ticks.episode.sigma
         sigma = parameters.sigma if math.isnan(sigma) else sigma
-        self._controller.parameters = parameters.model_copy(update={"sigma": sigma})
+        self._rabbit.controller.parameters = parameters.model_copy(update={"sigma": sigma})
         self._settings = parameters
 
     def _status(self) -> Status:
         ticks = self._ticks
         episode, tick = ticks.turn
-        output = self._controller.output()
         figures = {
             "policy": self._policies.in_force.version,
             "policy waiting": self._policies.newest,
-            "ticks not answered by the chosen solver": self._controller.unanswered,
             "scheduling": scheduling(),
             "walked by": ticks.episode.controller,
-            "CLF slack": output.clf_slack,
-            **{BARRIER + name: B for name, B in zip(output.barrier_names, output.barriers.tolist(), strict=True)},
+            **self._answerer.figures(),
         }
         if not self._states.get_publisher_count():
             return WARN, "waiting for a simulator", figures
@@ -205,4 +229,4 @@ class ControllerNode(SimulatorFollower):
 
 def main() -> None:
     """The executable `controller`."""
-    run(ControllerNode, errors=(GaitError, PolicyFileError))
+    run(ControllerNode, errors=(GaitError, PolicyFileError, TaskError))

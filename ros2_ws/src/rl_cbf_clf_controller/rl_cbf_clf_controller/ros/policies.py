@@ -44,7 +44,11 @@ class NodeParameters(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    policy: str = Field(ZERO, description="policy to begin with: zero, the name of a shipped one, or a file")
+    policy: str = Field(
+        ZERO,
+        description="policy to begin with: zero, the name of a shipped one, or a file; "
+        "of a task also nominal, oracle, one of its own controllers, or KIND:FILE",
+    )
     swap_at: Literal["tick", "episode", "never"] = Field(
         "tick",
         description="when published policies take effect; with never they are not heard; "

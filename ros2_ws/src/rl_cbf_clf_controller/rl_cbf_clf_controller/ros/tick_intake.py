@@ -1,12 +1,14 @@
-"""States, previews and announcements, in whatever order they come: which state is to be answered, and with what.
+"""States, announcements and what is announced with a state, in whatever order they come: which one is to be answered.
 
-A state of an episode that is not announced yet is kept until it is: the two topics may overtake each other. Of previews
+A state of an episode that is not announced yet is kept until it is: the topics may overtake each other. Of previews
 one is kept for each stone, of the present episode and of the one that may come next. By their stamps a foreign copy of
-another stone's preview is known, see `newest_preview`.
+another stone's preview is known, see `newest_preview`. A task's parameters are those of the very tick.
 """
 
 import math
 
+from cbf_clf_qp.functions import Array
+from cbf_clf_qp.task import ControlTask
 from rabbit_common.message_checks import Refused, check_turn
 from rabbit_common.ros.conversions import (
     Announcements,
@@ -16,8 +18,10 @@ from rabbit_common.ros.conversions import (
     other_tick,
     preview_of,
 )
-from rabbit_description.state import TICK_SECONDS, RobotState, StonePreview, newest_preview
-from rabbit_msgs.msg import Episode
+from rabbit_common.task_messages import parameters_of
+from rabbit_description.state import LAYOUT, TICK_SECONDS, RobotState, StonePreview, newest_preview
+from rabbit_description.task_state import layout_of
+from rabbit_msgs.msg import Episode, TaskParameters
 from rabbit_msgs.msg import RobotState as StateMessage
 from rabbit_msgs.msg import StonePreview as PreviewMessage
 
@@ -32,11 +36,13 @@ class TickIntake:
     `turn`: episode and tick of the newest state; `episode`: the newest announcement.
     """
 
-    def __init__(self, tick_seconds: float = TICK_SECONDS) -> None:
-        self._tick_seconds = tick_seconds
+    def __init__(self, tick_seconds: float = TICK_SECONDS, task: ControlTask | None = None) -> None:
+        """`task`: whose states they are; None: RABBIT's."""
+        self._tick_seconds, self._task = tick_seconds, task
+        self._layout = layout_of(task) if task else LAYOUT
         self.episode = Episode(sigma=math.nan)
         self.early: StateMessage | None = None
-        self._announcements = Announcements()
+        self._announcements = Announcements(self._layout)
         self._forget()
 
     def _forget(self) -> None:
@@ -44,6 +50,7 @@ class TickIntake:
         self.turn = (0, -1)
         self.held: StateMessage | None = None
         self._previews, self._since = PreviewBuffer(), -1  # ns: when the newest state was answered
+        self._parameters = dict[tuple[int, int], Array]()  # of a task, by tick
 
     def take(self, message: StateMessage) -> str | None:
         """Hold a new state. Returns why its episode must end, empty: it goes on; None: it is kept as an early one.
@@ -53,16 +60,18 @@ class TickIntake:
         """
         turn, announced = (message.episode, message.tick), self.episode.episode
         unknown = message.running and is_unknown(message)
-        check_state(message, finite=message.running and not unknown)
+        check_state(message, message.running and not unknown, self._layout)
         if message.episode > announced:
             self.early = message
             return None
         begins = self.turn[0] < message.episode == announced
         fault = other_tick(self.episode, self._tick_seconds) if begins and message.running else ""
-        if begins and message.running and message.tick > 0:
+        joins = begins and message.running and message.tick > 0
+        if joins and not self._task:  # a task has no memory
             fault = f"the controller came in at tick {message.tick}, in the middle of the episode"
         if not fault:
-            check_turn(turn, turn if begins and message.tick == 0 else (self.turn[0], self.turn[1] + 1))
+            follows = (begins and message.tick == 0) or (joins and self._task)
+            check_turn(turn, turn if follows else (self.turn[0], self.turn[1] + 1))
             if unknown:
                 fault = f"the state of tick {message.tick} is not known: see the estimator's log"
         self._announcements.went_on()
@@ -85,13 +94,27 @@ class TickIntake:
         """For the state that needs it; raises `Refused`."""
         self._previews.add(message.episode, preview_of(message), nanoseconds(message.header.stamp), self.turn[0])
 
-    def missing_preview(self, message: StateMessage) -> str:
-        """What this state still waits for; empty: it has its preview."""
+    def keep_parameters(self, message: TaskParameters) -> None:
+        """For the state of the same tick; raises `Refused`."""
+        assert self._task
+        p = parameters_of(self._task, message)
+        self._parameters[message.episode, message.tick] = p
+        if len(self._parameters) > NEWEST:
+            del self._parameters[next(iter(self._parameters))]
+
+    def missing(self, message: StateMessage) -> str:
+        """What this state still waits for; empty: it has its preview, or its parameters."""
+        if self._task:
+            is_here = not self._task.commanded or (message.episode, message.tick) in self._parameters
+            return "" if is_here else "parameters"
         return f"preview of stone {message.touchdowns + 1}" if message.previewed and not self._preview(message) else ""
 
     def complete(self, message: StateMessage) -> RobotState:
         """The held state with its preview: it is answered now."""
-        state = RobotState.of_message(message, self._preview(message))
+        state = RobotState.of_message(message, None if self._task else self._preview(message))
+        if self._task:
+            p = self._parameters.pop((message.episode, message.tick), None)
+            state.parameters = self._task.parameters_at({}, {}) if p is None else p
         self.held, self._since = None, nanoseconds(message.header.stamp)
         return state
 

@@ -10,14 +10,16 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from cbf_clf_qp.task import TaskError
 from pydantic import BaseModel, ConfigDict, Field
 from rabbit_common.message_checks import Refused
 from rabbit_common.ros.conversions import check_episode, is_new_simulator
 from rabbit_common.ros.diagnostics import ERROR, OK, WARN, Diagnostics, Status
-from rabbit_common.ros.parameters import ParameterError, declare, refuse_unknown
+from rabbit_common.ros.parameters import ParameterError, declare, given, refuse_unknown
 from rabbit_common.ros.qos import EVENT, TICK
 from rabbit_common.ros.simulator_follower import SimulatorFollower
 from rabbit_common.ros.spin import run, steady_timer
+from rabbit_description import ABOUT_TASK
 from rabbit_msgs import msg
 from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.policy import ZeroPolicy
@@ -28,6 +30,7 @@ from rl_trainer.checkpoint import CheckpointError
 from rl_trainer.learning_thread import LearningThread
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.ros.messages import Publishers, checked_part
+from rl_trainer.ros.task_trainer import TaskTrainerNode
 from rl_trainer.tick_synchronizer import Event, Tick, TickSynchronizer
 from rl_trainer.training import Provenance, Trainer
 
@@ -53,6 +56,7 @@ class NodeParameters(BaseModel):
     folder: str = Field(
         "", description="folder for checkpoint and policies after each episode; it goes on from there, before `policy`"
     )
+    task: str = Field("", description=f"what is learned on; empty: RABBIT; else {ABOUT_TASK}")
     plant: str = Field("{}", description="what the policy file says of the plant, JSON")
 
 
@@ -208,9 +212,14 @@ def make_trainer(training: TrainingParameters, own: NodeParameters) -> Trainer:
     return trainer
 
 
+def make() -> SimulatorFollower:
+    """The trainer of RABBIT, or of the parameter `task`."""
+    return TaskTrainerNode() if given("trainer", "task") else TrainerNode()
+
+
 def main() -> None:
     """The executable `trainer`."""
-    run(TrainerNode, errors=(CheckpointError, PolicyFileError), gives_way=True)
+    run(make, errors=(CheckpointError, PolicyFileError, TaskError), gives_way=True)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """Learns on a task while its simulator and controller run: it plans episodes, and publishes what it has learned.
 
 It hears `state` and `parameters` and makes the controller's ticks again, so its transitions, and the policy after all
-episodes, have the bits of those of `own_systems.training.train`. A tick with an impact, or after which another input
+episodes, have the bits of those of `task_training.train`. A tick with an impact, or after which another input
 was applied, counts for nothing. It learns once an episode has ended, in a thread, so that services are answered; the
 simulator, which follows it, waits meanwhile.
 """
@@ -21,17 +21,16 @@ from rabbit_common.ros.diagnostics import OK, Diagnostics, Status
 from rabbit_common.ros.parameters import declare, refuse_unknown
 from rabbit_common.ros.qos import EVENT, TICK, WEIGHTS
 from rabbit_common.ros.simulator_follower import SimulatorFollower
-from rabbit_common.ros.spin import run
+from rabbit_common.task_messages import parameters_of, state_of
+from rabbit_description import ABOUT_TASK
+from rabbit_description.task_source import load_task
 from rabbit_msgs import msg
 from rl_cbf_clf_controller.policy import ActorPolicy
-from rl_trainer.training import Stopped, Trainer
+from rl_cbf_clf_controller.task_controller import NOMINAL
 
-from own_systems.episode import NOMINAL, Rider, beginning
-from own_systems.loading import load_task
-from own_systems.messages import parameters_of, state_of
-from own_systems.ros.task_node import TASK
-from own_systems.task import TaskError
-from own_systems.training import training_parameters
+from rl_trainer.task_episode import Rider
+from rl_trainer.task_training import training_parameters
+from rl_trainer.training import Stopped, Trainer
 
 
 class NodeParameters(BaseModel):
@@ -39,13 +38,13 @@ class NodeParameters(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    task: str = Field("", description=TASK)
+    task: str = Field("", description=ABOUT_TASK)
     seed: int = Field(1, ge=0, le=2**32 - 1, description="seed of the training")
     episodes: int = Field(4, ge=1, le=10_000, description="to learn from")
     path: str = Field("policy.safetensors", min_length=1, description="the policy's file after all episodes")
 
 
-class TrainerNode(SimulatorFollower):
+class TaskTrainerNode(SimulatorFollower):
     """Plans, hears, learns."""
 
     failure_code = 1  # it could be used, and cannot go on
@@ -97,7 +96,7 @@ class TrainerNode(SimulatorFollower):
     def _on_episode(self, message: msg.Episode) -> None:
         """What no tick says: an episode broke off, or ticks of it are lost, or the simulator stands elsewhere.
 
-        It announces an end again where it waits for a plan.
+        It announces itself again where a plan is for an episode that is far ahead.
         """
         is_over = message.phase in (msg.Episode.ENDED, msg.Episode.WAITING)
         if self._learning:
@@ -138,7 +137,7 @@ class TrainerNode(SimulatorFollower):
         self._states, self._p, self._tick = {}, dict[int, Array](), 0
         self._u, self._impacts = np.zeros(0), 0  # the newest input; impacts before it
         self._end = -1  # how many ticks the episode had, once that is known
-        self._exploring = beginning(self.task, self._plan.seed)[2]
+        self._exploring = self.task.beginning(self._plan.seed)[2]
         self._rider.begin(self._plan.policy)
         version = self._plan.policy.version if isinstance(self._plan.policy, ActorPolicy) else NOMINAL
         how = {"seed": self._plan.seed, "sigma": self._plan.sigma, "policy_version": version}
@@ -198,8 +197,3 @@ class TrainerNode(SimulatorFollower):
 
     def _status(self) -> Status:
         return OK, f"episode {self._trainer.episode + 1}", {"transitions": self._trainer.transitions}
-
-
-def main() -> None:
-    """The executable `trainer`."""
-    run(TrainerNode, errors=(TaskError,), gives_way=True)

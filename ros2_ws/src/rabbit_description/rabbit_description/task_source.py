@@ -3,15 +3,15 @@
 import importlib.util
 from pathlib import Path
 
+from cbf_clf_qp.task import ControlTask, TaskError
+
 from rabbit_description import plugins
 from rabbit_description.bounded_file import is_file
 from rabbit_description.user_code import fault_in_user_code
 from rabbit_description.validation import one_line
 
-from own_systems.task import ControlTask, TaskError
-from own_systems.walker import read_walker
-
 GROUP = "rabbit.systems"  # entry points that name a ControlTask
+FILES = "rabbit.task_files"  # entry points by a file's ending: functions of its path that give one
 
 
 def load_task(source: str) -> ControlTask:
@@ -44,7 +44,8 @@ def _loaded(source: str) -> ControlTask:
     if not is_file(path):
         raise TaskError(f"{source}: no such file")
     if path.suffix == ".yaml":
-        return read_walker(path).task
+        task: ControlTask = plugins.load(FILES, "yaml")(path)
+        return task
     spec = importlib.util.spec_from_file_location(path.stem, path)
     assert spec
     assert spec.loader

@@ -20,17 +20,17 @@ import numpy as np
 from cbf_clf_qp import Clf, System
 from cbf_clf_qp.functions import Array, NumpyFunction, packed
 from cbf_clf_qp.system import solved
+from cbf_clf_qp.task import ControlTask, Disc, Impact, Limit, Line, Shape, TaskError
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 from rabbit_description.bounded_file import read_text
 from rabbit_description.planar_urdf import BASE, SLIDES, with_planar_base
 from rabbit_description.validation import one_line, one_of
 from rabbit_description.yaml_file import MOST_BYTES, read_mapping
+
 from rl_cbf_clf_controller.planar_robot import PinnedRobot, rotated
 from rl_cbf_clf_controller.robot_numbers import read_robot
 from rl_cbf_clf_controller.step_paths import StepPath
 from rl_cbf_clf_controller.virtual_constraints import Angles, OutputExpressions, VirtualConstraints
-
-from own_systems.task import ControlTask, Disc, Impact, Limit, Line, Shape, TaskError
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -100,6 +100,11 @@ def read_walker(path: Path) -> "PlanarWalker":
         return PlanarWalker(path.stem, with_planar_base(urdf), file)
     except ValueError as error:  # also of what reads files, URDFs and models
         raise TaskError(f"walker {path}: {one_line(error)}") from error
+
+
+def read_task(path: Path) -> ControlTask:
+    """The task of a walker's file; raises `TaskError`."""
+    return read_walker(path).task
 
 
 class PlanarWalker:

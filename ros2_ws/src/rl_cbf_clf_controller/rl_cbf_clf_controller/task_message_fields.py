@@ -1,56 +1,14 @@
-"""A tick of a task as the fields of messages, for nodes and recordings, and back; no ROS here.
-
-`state`, `parameters` -> controller -> `torque`, `controller_state`, `learner_terms`: the graph's own messages, whose
-arrays have the system's lengths. A state x is (q, q'), or q alone; then q' is not known.
-"""
+"""What a task's controller tells of a tick, as the fields of `ControllerState` and `LearnerTerms`; no ROS here."""
 
 from typing import Any
 
 import numpy as np
-from cbf_clf_qp.functions import Array
-from rabbit_common.message_checks import Refused, array_of, check_finite, doubles
+from cbf_clf_qp.task import ControlTask
+from rabbit_common.message_checks import doubles
 
-from own_systems.episode import Moment
-from own_systems.task import ControlTask
+from rl_cbf_clf_controller.task_controller import Moment
 
 NOTHING = np.zeros(0)
-
-
-def layout_fields(task: ControlTask) -> dict[str, Any]:
-    """Of `Episode`: what the arrays hold."""
-    return {"coordinates": list(task.names_of_q), "joints": list(task.names_of_u), "feet": []}
-
-
-def state_fields(task: ControlTask, x: Array, applied: Array, impacts: int = 0) -> dict[str, Any]:
-    """Of `RobotState`, but its head; `applied` (m,): the input over the tick that ends here; `impacts` so far."""
-    n = len(task.names_of_q)
-    dq = x[n:] if len(x) > n else np.full(n, np.nan)
-    arrays = {"q": doubles(x[:n]), "dq": doubles(dq), "applied": doubles(applied)}
-    return {**arrays, "touchdowns": impacts, "running": True}
-
-
-def state_of(task: ControlTask, message: Any) -> Array:
-    """x (n,) of a `RobotState`; raises `Refused`."""
-    n = len(task.names_of_q)
-    parts = [array_of(message, "q", n), array_of(message, "dq", n)][: task.system.x.numel() // n]
-    for name, part in zip(("q", "dq"), parts, strict=False):
-        check_finite(name, part.tolist())
-    return np.concatenate(parts)
-
-
-def parameter_fields(task: ControlTask, p: Array) -> dict[str, Any]:
-    """Of `TaskParameters`, but its head: what is commanded at a tick."""
-    values = dict(zip(task.system.named, p, strict=True))
-    return {"names": list(task.commanded), "values": doubles(np.array([values[name] for name in task.commanded]))}
-
-
-def parameters_of(task: ControlTask, message: Any) -> Array:
-    """p (k,) of a `TaskParameters`, with what the model has; raises `Refused`."""
-    if sorted(message.names) != sorted(task.commanded):
-        raise Refused("other names", f"names = {', '.join(message.names)}; expected {', '.join(task.commanded)}")
-    values = array_of(message, "values", len(message.names))
-    check_finite("values", values.tolist())
-    return task.parameters_at({}, dict(zip(message.names, values.tolist(), strict=True)))
 
 
 def controller_fields(task: ControlTask, moment: Moment, version: str) -> dict[str, Any]:

@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import Array
-from rabbit_experiments.measured_scales import LEAST, QUANTILE, ROOM
+from cbf_clf_qp.task import ControlTask
 from rl_cbf_clf_controller.policy import ActorPolicy, LearnedPolicy
-from rl_cbf_clf_controller.problem import Problem
-from rl_trainer.systems import EpisodePlan, TrainingParameters, learn
-from rl_trainer.transitions import Transition
+from rl_cbf_clf_controller.problem import LEAST, QUANTILE, ROOM, Problem
+from rl_cbf_clf_controller.task_controller import NOMINAL, ORACLE
 
-from own_systems.episode import NOMINAL, ORACLE, Rider
-from own_systems.task import ControlTask
+from rl_trainer.systems import EpisodePlan, TrainingParameters, learn
+from rl_trainer.task_episode import Rider
+from rl_trainer.transitions import Transition
 
 RIDES = 3  # of the nominal controller and of the oracle, each
 SLOW = {"actor_rate": 6e-4, "critic_rate": 1e-3, "polyak": 3e-3, "batch": 160, "hidden1": 64, "hidden2": 64}

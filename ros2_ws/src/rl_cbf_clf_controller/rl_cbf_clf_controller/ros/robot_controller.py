@@ -12,39 +12,48 @@ paused again.
 """
 
 import math
+import secrets
 import time
 from typing import Literal
 
 import numpy as np
+from cbf_clf_qp.filtering import filtering
 from cbf_clf_qp.functions import Array
+from cbf_clf_qp.task import TaskError
 from geometry_msgs.msg import Quaternion, Twist
 from nav_msgs.msg import Odometry
 from pydantic import Field
 from rabbit_common.guard import reason_of
 from rabbit_common.message_checks import array_of, check_finite, doubles
+from rabbit_common.priority import take_priority
+from rabbit_common.ros.checked_node import CheckedNode
 from rabbit_common.ros.conversions import joints_of
-from rabbit_common.ros.diagnostics import ERROR, OK, WARN, Status
+from rabbit_common.ros.diagnostics import ERROR, OK, WARN, Diagnostics, Status
+from rabbit_common.ros.parameters import declare, refuse_unknown
 from rabbit_common.ros.qos import TICK
 from rabbit_common.ros.spin import run, steady_timer
-from rabbit_msgs.msg import TaskParameters
+from rabbit_common.task_messages import parameters_of
+from rabbit_description import ABOUT_TASK
+from rabbit_description.task_source import load_task
+from rabbit_msgs.msg import ControllerState, LearnerTerms, TaskParameters
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Header
 from std_srvs.srv import SetBool
 
-from own_systems.filtering import filtering
-from own_systems.messages import parameters_of
-from own_systems.ros.task_node import ERRORS, NodeParameters, TaskNode
-from own_systems.task import ControlTask, TaskError
+from rl_cbf_clf_controller.ros import policies
+from rl_cbf_clf_controller.ros.answerers import TaskAnswerer
+from rl_cbf_clf_controller.weights import PolicyFileError
 
 LOOK_SECONDS = 0.02
 POSE = ("x", "y", "yaw")
 TWIST = ("linear_x", "linear_y", "angular_z")
 
 
-class RobotParameters(NodeParameters):
+class RobotParameters(policies.NodeParameters):
     """Those of a task's controller, and what the robot speaks."""
 
+    task: str = Field("", description=ABOUT_TASK)
     input: Literal["joint_states", "odom"] = Field("joint_states", description="what says the state")
     output: Literal["commands", "cmd_vel"] = Field("commands", description="what the robot hears")
     filters: bool = Field(False, description="answer with the input that is nearest to `wanted`")
@@ -54,19 +63,27 @@ class RobotParameters(NodeParameters):
     stale_wanted: float = Field(0.5, gt=0, le=3600, description="s without `wanted`, after which zeros are wanted")
 
 
-class RobotControllerNode(TaskNode):
+class RobotControllerNode(CheckedNode):
     """Answers sensors with commands."""
 
-    PARAMETERS = RobotParameters
-    _own: RobotParameters
-
     def __init__(self) -> None:
-        super().__init__()
-        task, sensed, told = self.task, self._own.input == "joint_states", self._own.output == "commands"
+        super().__init__("controller")
+        self._sender = f"{self.get_fully_qualified_name()} {secrets.token_hex(8)}"[-128:]
+        self._own = declare(self, RobotParameters)
+        refuse_unknown(self)
+        take_priority(self._own.priority, self.get_logger().warning)
+        self.task = task = load_task(self._own.task)
+        sensed, told = self._own.input == "joint_states", self._own.output == "commands"
         if not sensed and not set(task.names_of_q) <= set(POSE):
             raise TaskError(f"coordinates = {task.names_of_q}: expected some of {POSE} where odom says the state")
         if not told and not set(task.names_of_u) <= set(TWIST):
             raise TaskError(f"inputs = {task.names_of_u}: expected some of {TWIST} for cmd_vel")
+        self._answerer = answerer = TaskAnswerer(filtering(task) if self._own.filters else task, self._own.policy)
+        self._policies = policies.Policies(
+            self, self._own, answerer.built_in, answerer.fit, self._sender, self._take_policies
+        )
+        answerer.follow(self._policies.in_force.policy)
+        self.close = self._policies.close
         self._paused, self._fault, self._ticks = self._own.start_paused, "", 0
         self._wanted = np.zeros(len(task.names_of_u))
         self._p = None if task.commanded else task.parameters_at({}, {})
@@ -81,10 +98,11 @@ class RobotControllerNode(TaskNode):
         if self._own.filters:
             self._hear(Float64MultiArray, "wanted", self._on_wanted, qos_profile_sensor_data)
         self.create_service(SetBool, "pause", self._on_pause)
+        self._details = self.create_publisher(ControllerState, "controller_state", TICK)
+        self._terms = self.create_publisher(LearnerTerms, "learner_terms", TICK)
+        self._diagnostics = Diagnostics(self, self._message_counter, self._status)
         steady_timer(self, LOOK_SECONDS, self._look)
-
-    def _ridden(self, task: ControlTask) -> ControlTask:
-        return filtering(task) if self._own.filters else task
+        self.get_logger().info(f"ready: task {task.name}, policy {self._policies.in_force.version}")
 
     # What comes in
 
@@ -136,7 +154,7 @@ class RobotControllerNode(TaskNode):
         x = np.concatenate([q, dq])[: self.task.system.x.numel()]
         check_finite(self._own.input, x.tolist())
         self._heard("state")
-        self._go_on()
+        self._take_policies()
         if self._paused or self._missing():
             return
         p, wanted = self._p, self._wanted
@@ -144,18 +162,23 @@ class RobotControllerNode(TaskNode):
         if self._own.filters:
             is_stale = time.monotonic() - self._came["wanted"] > self._own.stale_wanted
             p = np.append(p, np.zeros_like(wanted) if is_stale else wanted)
-        turn = (1, self._ticks)
+        if policy := self._policies.swap((1, self._ticks), ""):
+            self._answerer.follow(policy)
         try:
-            moment = self._decide(turn, "", x, p, np.zeros_like(wanted))
+            moment = self._answerer.decide(self._ticks, x, p, np.zeros_like(wanted))
         except Exception as error:  # the task is a user's
             self._stop(reason_of(error))
             return
         self._send(moment.u)
-        self._tell({"header": header, "episode": 1, "tick": self._ticks, "sender": self._sender}, moment)
+        head = {"header": header, "episode": 1, "tick": self._ticks, "sender": self._sender}
+        if self._details.get_subscription_count():
+            self._details.publish(ControllerState(**head, **self._answerer.state_fields()))
+        if self._terms.get_subscription_count() and (terms := self._answerer.terms_fields()):
+            self._terms.publish(LearnerTerms(**head, **terms))
         self._ticks += 1
 
-    def _go_on(self) -> None:
-        self._take_policies((1, self._ticks))
+    def _take_policies(self) -> None:
+        self._policies.take((1, self._ticks), self._message_counter.accept, self._refuse)
 
     def _send(self, u: Array) -> None:
         if self._own.output == "commands":
@@ -205,4 +228,4 @@ def yaw_of(o: Quaternion) -> float:
 
 def main() -> None:
     """The executable `robot_controller`."""
-    run(RobotControllerNode, errors=ERRORS)
+    run(RobotControllerNode, errors=(TaskError, PolicyFileError))

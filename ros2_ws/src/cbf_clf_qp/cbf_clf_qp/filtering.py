@@ -4,11 +4,11 @@ from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
+
 from cbf_clf_qp.qp import nearest
 from cbf_clf_qp.quantity import Constrained, Quantity
 from cbf_clf_qp.system import System
-
-from own_systems.task import Commands, ControlTask
+from cbf_clf_qp.task import Commands, ControlTask
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,41 @@
+"""What a control task is commanded at a tick, as the fields of `TaskParameters`, and back; no ROS here."""
+
+from typing import Any
+
+import numpy as np
+from cbf_clf_qp.functions import Array
+from cbf_clf_qp.task import ControlTask
+from rabbit_description.state import RobotState
+from rabbit_description.task_state import layout_of, x_of
+
+from rabbit_common.message_checks import Refused, array_of, check_finite, check_lengths, doubles
+
+
+def state_fields(state: RobotState) -> dict[str, Any]:
+    """Of `RobotState`, but its head and its feet, which a task lacks."""
+    arrays = {name: doubles(getattr(state, name)) for name in ("q", "dq", "applied")}
+    return {**arrays, "touchdowns": state.touchdowns, "running": state.running}
+
+
+def state_of(task: ControlTask, message: Any) -> Array:
+    """x (n,) of a `RobotState`; raises `Refused`."""
+    layout = layout_of(task)
+    check_lengths(message, {name: layout.lengths[name] for name in ("q", "dq")})
+    for name in ("q", "dq") if layout.has_rates else ("q",):
+        check_finite(name, getattr(message, name))
+    return x_of(task, message)
+
+
+def parameter_fields(task: ControlTask, p: Array) -> dict[str, Any]:
+    """Of `TaskParameters`, but its head: what is commanded at a tick."""
+    values = dict(zip(task.system.named, p, strict=True))
+    return {"names": list(task.commanded), "values": doubles(np.array([values[name] for name in task.commanded]))}
+
+
+def parameters_of(task: ControlTask, message: Any) -> Array:
+    """p (k,) of a `TaskParameters`, with what the model has; raises `Refused`."""
+    if sorted(message.names) != sorted(task.commanded):
+        raise Refused("other names", f"names = {', '.join(message.names)}; expected {', '.join(task.commanded)}")
+    values = array_of(message, "values", len(message.names))
+    check_finite("values", values.tolist())
+    return task.parameters_at({}, dict(zip(message.names, values.tolist(), strict=True)))
