@@ -22,7 +22,7 @@ INNOCENT = {  # a 7 or a 4 that is none of the robot's: file, line, and what it 
     "c_example/__init__.py": {"NOISES = 4": "of a tick's sensors"},
     "commands/system.py": {"DECIMALS = 4": "digits"},
     "own_systems/pictures.py": {"markersize=4": "points"},
-    "own_systems/ros/trainer.py": {"Field(4": "episodes"},
+    "rl_trainer/ros/task_trainer.py": {"Field(4": "episodes"},
     "launch/walk.launch.py": {"4 * PATIENCE": "seconds"},
     "rabbit_common/exit_codes.py": {"NODE_DIED = 4": "an exit code"},
     "rabbit_experiments/metrics.py": {"round(seconds, 7)": "digits"},

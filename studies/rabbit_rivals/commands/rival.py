@@ -51,7 +51,7 @@ def task(
     seed: Seed = 1,
 ) -> None:
     """Train a system of your own end to end by PPO; then rabbit system evaluate TASK --controller ppo:FILE."""
-    from cbf_clf_qp.task import TaskError
+    from rabbit_description.task import TaskError
     from rabbit_description.task_source import load_task
 
     from rabbit_rivals import task_policy

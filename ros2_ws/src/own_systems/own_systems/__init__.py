@@ -1,5 +1,5 @@
 """A control task in one file, and what follows from it: rides, training, tables, pictures, films, recordings, nodes."""
 
-from cbf_clf_qp.task import Commands, ControlTask, Disc, Impact, Limit, Line, Shape, TaskError
+from rabbit_description.task import Commands, ControlTask, Disc, Impact, Limit, Line, Shape, TaskError
 
 __all__ = ["Commands", "ControlTask", "Disc", "Impact", "Limit", "Line", "Shape", "TaskError"]

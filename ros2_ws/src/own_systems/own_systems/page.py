@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 from cbf_clf_qp.functions import Array
-from cbf_clf_qp.task import ControlTask, Line, Shape
 from matplotlib.colors import to_rgb
+from rabbit_description.task import ControlTask, Line, Shape
 from rabbit_viewer.page.broadcast import Broadcast
 from rabbit_viewer.page.recording import serve_or_write
 from rabbit_viewer.page.rows import EVENTS, packed

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 from cbf_clf_qp.functions import Array
-from cbf_clf_qp.task import ControlTask, Line, Shape
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle
+from rabbit_description.task import ControlTask, Line, Shape
 from rabbit_viewer import style
 from rabbit_viewer.video import FRAME_RATE, encode
 from rl_cbf_clf_controller.task_controller import Moment

@@ -12,8 +12,8 @@ from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
-from cbf_clf_qp.task import Commands, ControlTask, TaskError
 from pydantic import Field, create_model
+from rabbit_description.task import Commands, ControlTask, TaskError
 from rabbit_description.task_source import load_task
 from rabbit_description.user_code import fault_in_user_code
 from rabbit_viewer.page import Checked

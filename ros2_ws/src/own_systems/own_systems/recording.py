@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 from cbf_clf_qp.functions import Array
-from cbf_clf_qp.task import ControlTask
 from rabbit_common.executables import sourced_share
 from rabbit_common.message_checks import Refused, array_of, doubles
 from rabbit_common.task_messages import parameter_fields, parameters_of, state_fields, state_of
+from rabbit_description.task import ControlTask
 from rabbit_description.task_state import layout_of, task_state
 from rabbit_recording import RecordingError
 from rabbit_recording.bag_writer import BagWriter, graph_types

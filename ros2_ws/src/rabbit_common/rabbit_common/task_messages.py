@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 from cbf_clf_qp.functions import Array
-from cbf_clf_qp.task import ControlTask
 from rabbit_description.state import RobotState
+from rabbit_description.task import ControlTask
 from rabbit_description.task_state import layout_of, x_of
 
 from rabbit_common.message_checks import Refused, array_of, check_finite, check_lengths, doubles

@@ -3,10 +3,9 @@
 import importlib.util
 from pathlib import Path
 
-from cbf_clf_qp.task import ControlTask, TaskError
-
 from rabbit_description import plugins
 from rabbit_description.bounded_file import is_file
+from rabbit_description.task import ControlTask, TaskError
 from rabbit_description.user_code import fault_in_user_code
 from rabbit_description.validation import one_line
 

@@ -1,9 +1,9 @@
 """A control task's state as a robot's: x = (q, q'), or q alone, which has no rates; and what its model believes."""
 
 import numpy as np
-from cbf_clf_qp.task import ControlTask
 
 from rabbit_description.state import Array, RobotLayout, RobotState
+from rabbit_description.task import ControlTask
 
 
 def layout_of(task: ControlTask) -> RobotLayout:

@@ -59,7 +59,7 @@ WHO = {
     "sender": CONTROLLER,
     "controller": CONTROLLER,
     "refused_controller": "",
-    **{name: list(names) for name, names in LAYOUT.items()},
+    **{name: list(names) for name, names in LAYOUT.names.items()},
     "tick_seconds": TICK_SECONDS,
 }  # in messages that say so
 

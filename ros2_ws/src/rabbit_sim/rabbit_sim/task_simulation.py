@@ -4,8 +4,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from cbf_clf_qp.functions import Array
-from cbf_clf_qp.task import Commands, ControlTask
 from rabbit_description.state import RobotState
+from rabbit_description.task import Commands, ControlTask
 from rabbit_description.task_state import layout_of, task_state
 
 

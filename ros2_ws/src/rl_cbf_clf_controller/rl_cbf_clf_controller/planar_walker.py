@@ -20,10 +20,10 @@ import numpy as np
 from cbf_clf_qp import Clf, System
 from cbf_clf_qp.functions import Array, NumpyFunction, packed
 from cbf_clf_qp.system import solved
-from cbf_clf_qp.task import ControlTask, Disc, Impact, Limit, Line, Shape, TaskError
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 from rabbit_description.bounded_file import read_text
 from rabbit_description.planar_urdf import BASE, SLIDES, with_planar_base
+from rabbit_description.task import ControlTask, Disc, Impact, Limit, Line, Shape, TaskError
 from rabbit_description.validation import one_line, one_of
 from rabbit_description.yaml_file import MOST_BYTES, read_mapping
 

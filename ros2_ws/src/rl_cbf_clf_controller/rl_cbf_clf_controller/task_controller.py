@@ -8,8 +8,8 @@ import numpy as np
 from cbf_clf_qp.answer import Decided
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import Array
-from cbf_clf_qp.task import ControlTask, TaskError
 from rabbit_description import plugins
+from rabbit_description.task import ControlTask, TaskError
 from rabbit_description.validation import one_of
 
 from rl_cbf_clf_controller.policy import ActorPolicy, LearnedPolicy

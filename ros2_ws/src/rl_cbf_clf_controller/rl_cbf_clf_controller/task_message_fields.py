@@ -3,8 +3,8 @@
 from typing import Any
 
 import numpy as np
-from cbf_clf_qp.task import ControlTask
 from rabbit_common.message_checks import doubles
+from rabbit_description.task import ControlTask
 
 from rl_cbf_clf_controller.task_controller import Moment
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from cbf_clf_qp.functions import Array
-from cbf_clf_qp.task import Commands, ControlTask
+from rabbit_description.task import Commands, ControlTask
 from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.task_controller import Controlling, Moment, TaskController
 

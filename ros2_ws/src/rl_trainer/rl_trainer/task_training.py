@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import Array
-from cbf_clf_qp.task import ControlTask
+from rabbit_description.task import ControlTask
 from rl_cbf_clf_controller.policy import ActorPolicy, LearnedPolicy
 from rl_cbf_clf_controller.problem import LEAST, QUANTILE, ROOM, Problem
 from rl_cbf_clf_controller.task_controller import NOMINAL, ORACLE

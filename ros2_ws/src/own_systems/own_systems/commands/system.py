@@ -15,7 +15,7 @@ from rabbit_common.own_folder import new_file, own_folder
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from cbf_clf_qp.task import ControlTask
+    from rabbit_description.task import ControlTask
     from rl_trainer.task_episode import Ride
 
 DIFFERS = 1
@@ -55,7 +55,7 @@ def evaluate(
 
 def load(source: str) -> "ControlTask":
     """The task; ends the command where there is none, or it is wrong."""
-    from cbf_clf_qp.task import TaskError
+    from rabbit_description.task import TaskError
     from rabbit_description.task_source import load_task
 
     with complaints(TaskError):

@@ -4,7 +4,6 @@ In lock-step (the default) nothing moves before the torque of the very tick has 
 the wall clock, and `real_time` says what acts in place of a torque that comes late.
 """
 
-from cbf_clf_qp.task import TaskError
 from rabbit_common.message_checks import Refused
 from rabbit_common.priority import scheduling, take_priority
 from rabbit_common.ros.checked_node import CheckedNode
@@ -15,6 +14,7 @@ from rabbit_common.ros.qos import EVENT, TICK
 from rabbit_common.ros.spin import run, steady_timer
 from rabbit_description.gait import GaitError, load_gaits
 from rabbit_description.state import RobotState
+from rabbit_description.task import TaskError
 from rabbit_description.task_source import load_task
 from rabbit_msgs.msg import Episode, EpisodePlan, TorqueCommand
 from rabbit_msgs.srv import ResetEpisode

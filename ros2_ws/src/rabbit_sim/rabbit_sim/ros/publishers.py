@@ -4,7 +4,6 @@ import math
 from dataclasses import replace
 from typing import Any
 
-from cbf_clf_qp.task import ControlTask
 from geometry_msgs.msg import WrenchStamped
 from rabbit_common.message_checks import doubles
 from rabbit_common.ros.conversions import (
@@ -21,6 +20,7 @@ from rabbit_common.ros.robot_frames import RobotFrames
 from rabbit_common.task_messages import parameter_fields
 from rabbit_description.force_ratio import force_ratio
 from rabbit_description.state import FEET, Leg, RobotState, StonePreview
+from rabbit_description.task import ControlTask
 from rabbit_msgs.msg import Episode, TaskParameters
 from rabbit_msgs.msg import Landing as LandingMessage
 from rabbit_msgs.msg import RobotState as StateMessage

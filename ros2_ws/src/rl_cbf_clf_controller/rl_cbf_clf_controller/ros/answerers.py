@@ -5,10 +5,10 @@ from typing import Any, Protocol
 
 import numpy as np
 from cbf_clf_qp.functions import Array
-from cbf_clf_qp.task import ControlTask, TaskError
 from rabbit_common.ros.diagnostics import BARRIER
 from rabbit_description.gait import Gaits
 from rabbit_description.state import RobotState
+from rabbit_description.task import ControlTask, TaskError
 from rabbit_description.task_state import x_of
 from rabbit_description.user_code import fault_in_user_code
 from rabbit_msgs.msg import Episode

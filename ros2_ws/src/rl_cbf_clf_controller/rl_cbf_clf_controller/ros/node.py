@@ -10,7 +10,6 @@ import math
 import secrets
 
 import numpy as np
-from cbf_clf_qp.task import TaskError
 from pydantic import Field
 from rabbit_common.guard import reason_of
 from rabbit_common.message_checks import Refused, doubles
@@ -23,6 +22,7 @@ from rabbit_common.ros.spin import run
 from rabbit_description import ABOUT_TASK
 from rabbit_description.gait import GaitError, load_gaits
 from rabbit_description.state import Array
+from rabbit_description.task import TaskError
 from rabbit_description.task_source import load_task
 from rabbit_msgs import msg
 

@@ -17,9 +17,7 @@ import time
 from typing import Literal
 
 import numpy as np
-from cbf_clf_qp.filtering import filtering
 from cbf_clf_qp.functions import Array
-from cbf_clf_qp.task import TaskError
 from geometry_msgs.msg import Quaternion, Twist
 from nav_msgs.msg import Odometry
 from pydantic import Field
@@ -34,6 +32,7 @@ from rabbit_common.ros.qos import TICK
 from rabbit_common.ros.spin import run, steady_timer
 from rabbit_common.task_messages import parameters_of
 from rabbit_description import ABOUT_TASK
+from rabbit_description.task import TaskError
 from rabbit_description.task_source import load_task
 from rabbit_msgs.msg import ControllerState, LearnerTerms, TaskParameters
 from rclpy.qos import qos_profile_sensor_data
@@ -41,6 +40,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Header
 from std_srvs.srv import SetBool
 
+from rl_cbf_clf_controller.filtering import filtering
 from rl_cbf_clf_controller.ros import policies
 from rl_cbf_clf_controller.ros.answerers import TaskAnswerer
 from rl_cbf_clf_controller.weights import PolicyFileError

@@ -8,7 +8,6 @@ another stone's preview is known, see `newest_preview`. A task's parameters are 
 import math
 
 from cbf_clf_qp.functions import Array
-from cbf_clf_qp.task import ControlTask
 from rabbit_common.message_checks import Refused, check_turn
 from rabbit_common.ros.conversions import (
     Announcements,
@@ -20,6 +19,7 @@ from rabbit_common.ros.conversions import (
 )
 from rabbit_common.task_messages import parameters_of
 from rabbit_description.state import LAYOUT, TICK_SECONDS, RobotState, StonePreview, newest_preview
+from rabbit_description.task import ControlTask
 from rabbit_description.task_state import layout_of
 from rabbit_msgs.msg import Episode, TaskParameters
 from rabbit_msgs.msg import RobotState as StateMessage

@@ -10,7 +10,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from cbf_clf_qp.task import TaskError
 from pydantic import BaseModel, ConfigDict, Field
 from rabbit_common.message_checks import Refused
 from rabbit_common.ros.conversions import check_episode, is_new_simulator
@@ -20,6 +19,7 @@ from rabbit_common.ros.qos import EVENT, TICK
 from rabbit_common.ros.simulator_follower import SimulatorFollower
 from rabbit_common.ros.spin import run, steady_timer
 from rabbit_description import ABOUT_TASK
+from rabbit_description.task import TaskError
 from rabbit_msgs import msg
 from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.policy import ZeroPolicy

@@ -22,14 +22,15 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
-from scipy.optimize import brentq
-
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.constraints import Barrier
 from cbf_clf_qp.functions import Array, NumpyFunction
 from cbf_clf_qp.quantity import Constrained, Terms
 from cbf_clf_qp.system import System
 from cbf_clf_qp.tick import Tick
+from scipy.optimize import brentq
+
+from rabbit_description.validation import one_of
 
 SUBSTEP = 0.001  # s, of the plant's integration, at most
 EVENT_TOLERANCE = 1e-13  # s, of an impact
@@ -155,7 +156,7 @@ class ControlTask:
         n = self.system.x.numel()
         for name, values, known in (("nominal", self.nominal, self.system.named), ("true", self.true, self.nominal)):
             if strange := sorted(set(values) - set(known)):
-                raise TaskError(f"{name} = {', '.join(strange)}: expected some of {', '.join(sorted(known))}")
+                raise TaskError(f"{name} = {', '.join(strange)}: expected {one_of(strange[0], known)}")
             if wrong := [f"{key} = {value}" for key, value in values.items() if not math.isfinite(value)]:
                 raise TaskError(f"{name}: {', '.join(wrong)}: expected finite numbers")
         if any(len(bound) != n for bound in self.start) or np.any(np.greater(*self.start)):

@@ -4,11 +4,10 @@ from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
-
 from cbf_clf_qp.qp import nearest
 from cbf_clf_qp.quantity import Constrained, Quantity
 from cbf_clf_qp.system import System
-from cbf_clf_qp.task import Commands, ControlTask
+from rabbit_description.task import Commands, ControlTask
 
 
 @dataclass(frozen=True)
