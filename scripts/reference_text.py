@@ -10,6 +10,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+import rabbit_sim.ros.task_robot
 import rl_cbf_clf_controller.ros.node
 import rl_cbf_clf_controller.ros.robot_controller
 import rl_trainer.ros.node
@@ -35,6 +36,7 @@ NODES: Mapping[str, tuple[type[BaseModel], ...]] = {
     "recorder": (recorder.NodeParameters,),
     "viewer": (ViewerParameters,),
     "trainer of a task": (rl_trainer.ros.task_trainer.NodeParameters,),
+    "robot": (rabbit_sim.ros.task_robot.NodeParameters,),
     "robot_controller": (rl_cbf_clf_controller.ros.robot_controller.RobotParameters,),
 }
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from setuptools import setup
 
-LIBRARIES = ["casadi", "matplotlib", "numpy>=2", "pydantic>=2", "rich", "rosbags>=0.11.9,<0.12", "scipy", "typer"]
+LIBRARIES = ["casadi", "matplotlib", "numpy>=2", "pydantic>=2", "rich", "rosbags>=0.11.9,<0.12", "typer"]
 PACKAGES = [
     "cbf_clf_qp",
     "rabbit_description",

@@ -5,7 +5,7 @@ from pathlib import Path
 from setuptools import setup
 
 LIBRARIES = ["numpy", "pydantic>=2", "typer"]
-PACKAGES = ["rabbit_description"]
+PACKAGES = ["cbf_clf_qp", "rabbit_description"]
 BESIDE = Path(__file__).resolve().parents[1]
 
 # where the packages lie; colcon reads no address without a host

@@ -5,7 +5,7 @@ from pathlib import Path
 from setuptools import setup
 
 LIBRARIES = ["numpy>=2", "scipy", "pin>=4.1,<5", "pybullet>=3.2.7", "pydantic>=2"]
-PACKAGES = ["rabbit_description", "rabbit_common"]
+PACKAGES = ["cbf_clf_qp", "rabbit_description", "rabbit_common"]
 BESIDE = Path(__file__).resolve().parents[1]
 
 # where the packages lie; colcon reads no address without a host

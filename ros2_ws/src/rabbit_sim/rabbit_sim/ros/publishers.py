@@ -100,6 +100,11 @@ class TaskPublishers(Publishers):
         self._joints = node.create_publisher(JointState, "joint_states", TICK)
 
     @property
+    def is_heard(self) -> bool:
+        """Whether anybody hears the joints."""
+        return self._joints.get_subscription_count() > 0
+
+    @property
     def readers(self) -> int:
         """See `Publishers`."""
         return min(super().readers, int(self._parameters.get_subscription_count()))
