@@ -48,18 +48,6 @@ UNSEEN = {
     "dagger": "`dagger`",
     "ppo": "`ppo`",
 }
-TEN = (
-    "best",
-    "best-before",
-    "best-unlearned",
-    "best-nominal",
-    "identified",
-    "dagger",
-    "ppo",
-    "sac",
-    "oracle-slopes",
-    "nominal-tuned",
-)
 
 
 @cache
@@ -128,17 +116,6 @@ def p_values(name: str, reference: str) -> dict[str, float]:
     pairs = [table(name).paired(each, reference, where(*MAPS)) for each in others]
     known = [pair.p_value for pair in pairs if pair]
     return dict(zip(others, holm(known), strict=True)) if len(known) == len(pairs) else {}
-
-
-def at_least_one(name: str, methods: Sequence[str], *maps: Map, terrains: Sequence[str] = TERRAINS) -> str:
-    """Courses that some of the methods walk; `#` where a row does not say how each course ended."""
-    count = 0
-    for cell in where(*maps, terrains=terrains):
-        rows = [table(name).rows[method, cell] for method in methods]
-        if not all(row.by_course for row in rows):
-            return "#"
-        count += sum(map(any, zip(*(row.outcomes for row in rows), strict=True)))
-    return str(count)
 
 
 def large_table() -> str:
