@@ -2,7 +2,6 @@
 
 from page_figures import Page
 from rabbit_benchmark.families import families
-from rabbit_benchmark.report import walked_more
 from shipped_tables import (
     BEST,
     FLAT,
@@ -119,8 +118,7 @@ def results() -> Page:
             f"families",
             f"DAgger walks {reported['dagger']} there, SAC {reported['sac']}, `best` {reported['best']}.",
         ],
-        {"walked more": walked_more(table(LARGE), "best")},
-        {
+        elsewhere={
             "99 of 100 courses of 20 stones": "results_paper.md",
             "99 of 100 in MuJoCo too": "results_paper.md",
         },
@@ -146,7 +144,6 @@ def structure() -> Page:
         [
             f"{walks['best']} and {walks['nominal-tuned']} of {every} courses, and",
             f"a network without a QP, {walks['dagger']} (",
-            f"in that of `best` walks {walks['mixture']}",
             *walks_of_families(),
             *unseen_table().splitlines()[2:],
             f"| all, of {every} | {' | '.join(counts)} |",

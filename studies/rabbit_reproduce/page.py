@@ -17,6 +17,7 @@ PAGE = "results.md"
 BATCH = 64  # runs in MuJoCo that a process walks at once
 Row = dict[str, str]
 
+
 def make(
     experiments: Sequence[Experiment],
     size: Size,
@@ -41,9 +42,11 @@ def make(
     _write(experiments, cache, size, out)
     return write_page(out, names), done
 
+
 def _write(experiments: Sequence[Experiment], cache: Cache, size: Size, out: Path) -> None:
     for experiment in experiments:
         experiment.report(Found(cache, size)).write(out)
+
 
 def write_page(out: Path, names: Sequence[str]) -> Path:
     """`results.md` from the claims that `out` holds, those of the experiments `names` first, in this order."""
@@ -55,6 +58,7 @@ def write_page(out: Path, names: Sequence[str]) -> Path:
     sections = "".join(_section(out, group) for group in groups.values() if group)
     replace_text(out / PAGE, f"# The paper, reproduced\n\n{_overview(rows)}\n## The experiments\n\n{sections}\n{foot}")
     return out / PAGE
+
 
 def _overview(rows: Sequence[Row]) -> str:
     """The paper's claims in one table, and how many came to what."""
@@ -75,21 +79,27 @@ def _overview(rows: Sequence[Row]) -> str:
     ]
     heads = ("where", "claim", "paper", "ours", "verdict", "on rigid", "nominal at its best")
     table = markdown_table(heads, [[cell.replace("|", "\\|") for cell in line] for line in lines])
-    ours = f"Every run is in [{RUNS}]({RUNS}). [{CLAIMS}]({CLAIMS}) has {len(rows) - len(claims)} more of which the paper says nothing.\n"
+    ours = f"Every run is in [{RUNS}]({RUNS}). "
+    ours += f"[{CLAIMS}]({CLAIMS}) has {len(rows) - len(claims)} more of which the paper says nothing.\n"
     return f"{judged_on}{counts}{beside * bool(both)}{falling}\n\n{table}\n{ours * (len(rows) > len(claims))}"
+
 
 def _place(row: Row) -> str:
     """The label alone where it is a figure's, or the section's with the experiment."""
     return row["label"] if row["label"].startswith("fig:") else f"{row['label']}, {row['experiment']}"
 
+
 def _falls(row: Row) -> bool:
     return row["undone"] == "True" and row["verdict"] == Verdict.REPRODUCED
+
 
 def _at_best(row: Row) -> str:
     return f"{row['tuned']}. **Falls**" if _falls(row) else row["tuned"]
 
+
 def _counted(verdicts: Iterable[str]) -> str:
     return ", ".join(f"{verdict} {number}" for verdict, number in Counter(verdicts).most_common())
+
 
 def _section(out: Path, rows: Sequence[Row]) -> str:
     """Of an experiment: what it is, why it differs, its files and its command."""
