@@ -1,9 +1,11 @@
 """The site that `make docs` builds: the Markdown pages of the repository, its commands and its docstrings.
 
-The source folder is the repository itself, so a link of a page works on the site as it does in the repository. The
-first page is the README; its table of contents is `docs/site/contents.md`.
+The source folder is the repository itself, so a link of a page works on the site as it does in the repository. What is
+for contributors, of the studies and of the campaigns is in the repository alone. The first page is the README; its
+table of contents is `docs/site/contents.md`.
 """
 
+import os
 import re
 import sys
 from itertools import groupby
@@ -22,21 +24,17 @@ language = "en"
 root_doc = "README"
 include_patterns = [
     "README.md",
-    "CONTRIBUTING.md",
-    "CHANGELOG.md",
     "docs/**",
-    "ros2_ws/src/*/README.md",
-    "studies/docs/**",
-    "qa/docs/**",
+    "ros2_ws/src/cbf_clf_qp/README.md",
+    "ros2_ws/src/rabbit_experiments/README.md",
+    "ros2_ws/src/rl_cbf_clf_controller/README.md",
 ]
 exclude_patterns = [
     ".*",
     "docs/build",
     "docs/site",
-    "ros2_ws/build",
-    "ros2_ws/install",
-    "ros2_ws/log",
-    "runs",
+    "docs/architecture.md",
+    "docs/ros_conventions.md",
 ]
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
@@ -55,13 +53,18 @@ html_show_sourcelink = False
 html_extra_path = ["site/index.html", "pictures/walk.html"]  # the first opens the first page, the second is on it
 PICTURE = re.compile(r"^\[!\[[^]]*\]\([^)]*walk.gif\)\]\([^)]*walk.html\)\n\n\*[^*]*\*\n", re.MULTILINE)
 
-TABLES = re.compile(r"studies/docs/reproduced/.+/")  # of single experiments: pages, but in no table of contents
+TO_PAGE = re.compile(r"\[((?:!\[[^]]*\]\([^)]*\)|[^][])+)\]\(([^)\s:#]+)\.md(?:#[^)\s]*)?\)")
 
 
-def free_tables(_app: Sphinx, page: str, source: list[str]) -> None:
-    """What is reached by links alone says so."""
-    if TABLES.match(page):
-        source[0] = f"---\norphan: true\n---\n# {page.rsplit('/', 2)[1]}\n\n{source[0]}"
+def leave_words(app: Sphinx, page: str, source: list[str]) -> None:
+    """Of a link to a page that is in the repository alone only the words are left."""
+
+    def words(link: re.Match[str]) -> str:
+        target = Path(app.srcdir, page).parent / link[2]
+        is_here = Path(os.path.relpath(target, app.srcdir)).as_posix() in app.env.found_docs
+        return link[0] if is_here else link[1]
+
+    source[0] = TO_PAGE.sub(words, source[0])
 
 
 def make_first_page(_app: Sphinx, page: str, source: list[str]) -> None:
@@ -109,6 +112,6 @@ def escaped(text: str) -> str:
 def setup(app: Sphinx) -> None:
     """Register what is ours."""
     app.connect("source-read", make_first_page)
-    app.connect("source-read", free_tables)
+    app.connect("source-read", leave_words)
     app.connect("autodoc-process-docstring", as_rst, priority=400)  # before napoleon
     app.add_directive("reference", Reference)

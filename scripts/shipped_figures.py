@@ -1,11 +1,7 @@
 """Where on the pages the shipped tables' figures stand, and where the other counts of courses come from."""
 
-from collections.abc import Sequence
-
 from page_figures import Page
-from rabbit_benchmark.cells import Map
 from rabbit_benchmark.families import families
-from rabbit_benchmark.report import walked_more
 from shipped_tables import (
     BEST,
     FLAT,
@@ -14,10 +10,8 @@ from shipped_tables import (
     MASSES,
     PAPER,
     STONES,
-    TEN,
     TUNED,
     UNSEEN,
-    at_least_one,
     courses,
     gains,
     gains_table,
@@ -44,7 +38,6 @@ from shipped_tables import (
 )
 
 LARGE, WHERE = "benchmark_mujoco", "studies/docs/tuning.md#half-twice-and-thrice-the-mass"
-FOR_TERRAINS = {"stones": STONES, "flat": FLAT}
 
 
 def pages() -> dict[str, Page]:
@@ -125,8 +118,7 @@ def results() -> Page:
             f"families",
             f"DAgger walks {reported['dagger']} there, SAC {reported['sac']}, `best` {reported['best']}.",
         ],
-        {"walked more": walked_more(table(LARGE), "best")},
-        {
+        elsewhere={
             "99 of 100 courses of 20 stones": "results_paper.md",
             "99 of 100 in MuJoCo too": "results_paper.md",
         },
@@ -152,7 +144,6 @@ def structure() -> Page:
         [
             f"{walks['best']} and {walks['nominal-tuned']} of {every} courses, and",
             f"a network without a QP, {walks['dagger']} (",
-            f"in that of `best` walks {walks['mixture']}",
             *walks_of_families(),
             *unseen_table().splitlines()[2:],
             f"| all, of {every} | {' | '.join(counts)} |",
@@ -167,11 +158,6 @@ def structure() -> Page:
             f"with coarse encoders on stones, {coarse[0]} and {coarse[1]}.",
             *network_beside(),
             *base_rows(),
-            *limits(),
-            f"| nominal, tuned over both libraries | {large('nominal-tuned', 'outside', terrains=FLAT)} | "
-            f"{large('nominal-tuned', 'storm', terrains=FLAT)}; # | "
-            f"{large('nominal-tuned', 'storm-2', terrains=FLAT)}; # | "
-            f"{large('nominal-tuned', 'reported', terrains=FLAT)}; # |",
         ],
         elsewhere={
             "What `best` does about it": "walks by the commands there",
@@ -179,7 +165,6 @@ def structure() -> Page:
             "At least one of seven walks 348 of the 400": "walks at d1d64399, whose courses are not shipped",
             "A network beside the QP": "development plants, and PyBullet at 8da9a325",
             "The rows of the base": "development plants, at d4b54696",
-            "42 of 50 as before": "results_best.md",
             "A policy within the step": "development plants, lab notes",
         },
     )
@@ -217,115 +202,31 @@ def walks_of_families() -> list[str]:
 
 def network_beside() -> list[str]:
     """The mixture."""
-    engines = {"MuJoCo": "unseen_mujoco", "PyBullet": "unseen_pybullet"}
-    gains_ = {name: interval(name, "mixture", "best", "unseen") for name in engines.values()}
-    lines = []
-    for engine, name in engines.items():
-        there = [walked(name, each, "unseen") for each in ("mixture", "best")]
-        parts = [points(name, "mixture", "best", "unseen", terrains=each) for each in (STONES, FLAT)]
-        all_ = points(name, "mixture", "best", "unseen")
-        lines.append(f"| {engine} | {there[0]} | {there[1]} | **{all_}** | {parts[0]} | {parts[1]} |")
-    least, most = sorted(abs(int(each[0])) for each in gains_.values())
     lost = [
         large("best", "outside", terrains=each) - large("mixture", "outside", terrains=each) for each in (STONES, FLAT)
     ]
-    two = {where: [large(each, where) for each in ("mixture", "best")] for where in MAPS}
-    pushed = [table(LARGE).walked(each, ["flat/scale-2-push-20"]) for each in ("mixture", "best")]
     difference = [signed((large("mixture", *MAPS) - large("best", *MAPS)) / courses(LARGE, *MAPS), 1), "#", "#"]
     if pair := table(LARGE).paired("mixture", "best", where(*MAPS)):
         difference = [signed(each, 1) for each in pair.difference]
     return [
-        f"it walks {least} to {most} of a hundred courses more than `best`",
-        *lines,
         f"Beside the tuned nominal controller that is {points('unseen_mujoco', 'mixture', 'nominal-tuned', 'unseen')}, "
         f"beside `dagger` {points('unseen_mujoco', 'mixture', 'dagger', 'unseen')}.",
         f"it walks {large('mixture', *MAPS):,} of {courses(LARGE, *MAPS):,} courses, `best` {large('best', *MAPS):,} "
         "({} of a hundred, {} to {}).".format(*difference),
         f"It loses {sum(lost)} outside, {lost[0]} of them on stones",
-        f"It gains {two['storm-2'][0] - two['storm-2'][1]} of {courses(LARGE, 'storm-2')} in storm-2 "
-        f"({two['storm-2'][0]} and "
-        f"{two['storm-2'][1]}) and walks as many inside ({two['inside'][0]}), in the storm ({two['storm'][0]} and "
-        f"{two['storm'][1]}) and of the reported families ({two['reported'][0]} and {two['reported'][1]})",
-        f"on flat ground {pushed[0]} times of 10, `best` {pushed[1]}.",
     ]
 
 
 def base_rows() -> list[str]:
     """Before the rows of the base, and with them."""
-    old, new = table("reported_2_mujoco"), table("base_rows_mujoco")
-    lines, totals = [], []
-    for family in dict.fromkeys(cell.split("/")[1] for cell in where("reported")):
-        pairs = [[old.walked("best (d)", [cell]), new.walked("best", [cell])] for cell in on_both(family)]
-        lines.append(f"| `{family}` | {' | '.join(f'{one}, {other}' for one, other in pairs)} |")
-        totals.append(pairs)
-    stones, flat = (tuple(sum(pairs[place][when] for pairs in totals) for when in (0, 1)) for place in (0, 1))
-    storms = [[old.walked("best (c)", [each]), new.walked("best", [each])] for each in where("storm", "storm-2")]
-    sums = stones[0] + flat[0], stones[1] + flat[1]
-    low, high = unpaired(sums[1], sums[0], 400)
+    old, new = (walked(*each, "reported") for each in (("reported_2_mujoco", "best (d)"), ("base_rows_mujoco", "best")))
+    low, high = unpaired(new, old, 400)
     dagger = walked("reported_2_others_mujoco", "dagger", "reported")
     return [
-        *lines,
-        f"| all, of 200 | {stones[0]}, **{stones[1]}** | {flat[0]}, **{flat[1]}** |",
-        "| storm; storm-2, of 100 | {}, {}; {}, {} | {}, {}; {}, {} |".format(*(n for pair in storms for n in pair)),
-        f"{sums[0]} of 400 became {sums[1]}, {signed((sums[1] - sums[0]) / 400)} of a hundred. As two unpaired "
-        f"shares the 95% "
+        f"{old} of 400 became {new}, {signed((new - old) / 400)} of a hundred. As two unpaired shares the 95% "
         f"interval is {low} to {high}. The tuned nominal controller walks "
         f"{walked('reported_2_mujoco', 'nominal-tuned', 'reported')}, `dagger` {dagger}.",
     ]
-
-
-def limits() -> list[str]:
-    """What limits `best`."""
-    lines = []
-    for where_ in MAPS[1:]:
-        for terrain, each in FOR_TERRAINS.items():
-            size = courses(LARGE, where_, terrains=each)
-            lines.append(f"| {where_}, {terrain} | {size - large('best', where_, terrains=each)} of {size} |")
-    columns = [
-        [large(method, each, terrains=t) for each in MAPS[1:] for t in (STONES, FLAT)]
-        for method in ("best", "oracle-slopes")
-    ]
-    most = [at_least_one(LARGE, TEN, each, terrains=t) for each in MAPS[1:] for t in (STONES, FLAT)]
-    outside = large("best", "outside"), courses(LARGE, "outside")
-    beside = []
-    for name in MAPS[2:]:
-        for terrain, each in FOR_TERRAINS.items():
-            two = [large(method, name, terrains=each) for method in ("best", "nominal-tuned")]
-            difference = points(LARGE, "best", "nominal-tuned", name, terrains=each)
-            beside.append(f"| {name}, {terrain} | {two[0]}, {two[1]} | {difference} | #, # | # (# to #) |")
-    there = where("outside", "reported")
-    pairs = {cell: [table(LARGE).walked(each, [cell]) for each in ("best", "nominal-tuned")] for cell in there}
-    fewer = [
-        f"`{cell}`, {one} and {other} of {table(LARGE).courses('best', [cell])}"
-        for cell, (one, other) in pairs.items()
-        if other - one >= 3
-    ]
-    return [
-        *lines,
-        *(
-            f"| {title} | {in_pairs(each)} |"
-            for title, each in zip(("`best`", "`oracle-slopes`"), columns, strict=True)
-        ),
-        f"| at least one of ten | {in_pairs(most)} |",
-        f"a choice among the ten walks {of_hundred(most[:2], 'outside')} outside, {most[3]} of the storm on flat "
-        f"ground and "
-        f"{of_hundred(most[6:], 'reported')} of the reported",
-        f"Outside `best` walks {outside[0]:,} of {outside[1]:,} courses in MuJoCo",
-        *beside,
-        f"Of the {len(there)} cells outside and of families, `best` walks at least three courses fewer in "
-        f"{len(fewer)} of "
-        f"MuJoCo ({', '.join(fewer)})",
-    ]
-
-
-def of_hundred(counts: Sequence[str], name: Map) -> str:
-    """The share of a map's courses on both terrains."""
-    return "#" if "#" in counts else f"{sum(map(int, counts)) / courses(LARGE, name):.1%}"
-
-
-def in_pairs(counts: Sequence[int | str]) -> str:
-    """On stones and on flat ground, by map."""
-    return " | ".join(f"{one}; {other}" for one, other in zip(counts[::2], counts[1::2], strict=True))
 
 
 def tuning() -> Page:

@@ -1,7 +1,6 @@
 """Figures and tables of pages, worked out from the shipped tables: `shipped_figures.py` says where they stand."""
 
 import csv
-import json
 import math
 import re
 from collections import Counter
@@ -14,6 +13,7 @@ from rabbit_benchmark.comparison import holm, of_so_many
 from rabbit_benchmark.table import Table
 from rabbit_experiments.summary import wilson
 from rabbit_experiments.tables import markdown_table
+from rabbit_reproduce.report import CLAIMS, RUNS, Verdict, read_rows
 
 DATA = ROOT / "studies" / "docs" / "data"
 REPRODUCED = ROOT / "studies" / "docs" / "reproduced"
@@ -48,18 +48,6 @@ UNSEEN = {
     "dagger": "`dagger`",
     "ppo": "`ppo`",
 }
-TEN = (
-    "best",
-    "best-before",
-    "best-unlearned",
-    "best-nominal",
-    "identified",
-    "dagger",
-    "ppo",
-    "sac",
-    "oracle-slopes",
-    "nominal-tuned",
-)
 
 
 @cache
@@ -130,17 +118,6 @@ def p_values(name: str, reference: str) -> dict[str, float]:
     return dict(zip(others, holm(known), strict=True)) if len(known) == len(pairs) else {}
 
 
-def at_least_one(name: str, methods: Sequence[str], *maps: Map, terrains: Sequence[str] = TERRAINS) -> str:
-    """Courses that some of the methods walk; `#` where a row does not say how each course ended."""
-    count = 0
-    for cell in where(*maps, terrains=terrains):
-        rows = [table(name).rows[method, cell] for method in methods]
-        if not all(row.by_course for row in rows):
-            return "#"
-        count += sum(map(any, zip(*(row.outcomes for row in rows), strict=True)))
-    return str(count)
-
-
 def large_table() -> str:
     """Courses walked by each method on each map."""
     head, lines = ["method"], []
@@ -175,8 +152,7 @@ Runs = dict[str, dict[str, tuple[int, int]]]
 def gains() -> Runs:
     """Courses of 20 walked in PyBullet and in MuJoCo, by mass or payload, then by controller."""
     found: Runs = {}
-    with (REPRODUCED / "higher-gain" / "runs.csv").open(encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(file))
+    rows = [row for row in read_rows(REPRODUCED / RUNS) if row["experiment"] == "higher-gain"]
     for one, other in zip(rows[::2], rows[1::2], strict=True):
         what, _, value = one["what"].rpartition(": ")
         name, _, plant = what.rpartition(", ")
@@ -249,13 +225,9 @@ def lost(plant: str) -> tuple[int, int, int]:
 
 def verdicts() -> dict[str, int]:
     """How many of the paper's claims have each verdict, and how many of the reproduced fall with a tuned controller."""
-    claims = [
-        claim
-        for file in sorted(REPRODUCED.glob("*/report.json"))
-        for claim in json.loads(file.read_text(encoding="utf-8"))["claims"]
-    ]
-    counts = Counter(claim["verdict"] for claim in claims if claim["verdict"] != "no claim")
-    fallen = sum(claim["verdict"] == "reproduced" and claim.get("undone", False) for claim in claims)
+    claims = [row for row in read_rows(REPRODUCED / CLAIMS) if row["verdict"] != Verdict.OPEN]
+    counts = Counter(row["verdict"] for row in claims)
+    fallen = sum(row["verdict"] == Verdict.REPRODUCED and row["undone"] == "True" for row in claims)
     return {**counts, "fallen": fallen, "claims": counts.total()}
 
 

@@ -58,10 +58,10 @@ def table(name: str) -> Callable[[Path], Any]:
 
 
 def tables_of(name: str) -> Callable[[Path], Any]:
-    """All tables of an experiment and the files beside them."""
+    """Claims, runs and the files of an experiment."""
 
     def read(out: Path) -> Any:
-        found = {path.name: table(path.name)(out / name) for path in sorted((out / name).glob("*.csv"))}
+        found = [table(each)(out) for each in ("claims.csv", "runs.csv")]
         return found, sorted(path.name for path in (out / name).iterdir()), (out / "results.md").exists()
 
     return read

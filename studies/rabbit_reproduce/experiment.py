@@ -20,8 +20,8 @@ from rabbit_viewer import style
 
 from rabbit_reproduce.controllers import AT_ITS_BEST, Contender
 from rabbit_reproduce.curves import rate_figure
-from rabbit_reproduce.report import WIDTHS, Claim, Drawn, Report, Table, Verdict, judge
-from rabbit_reproduce.table_lines import MAIN, RIGID, Found, Line, Runs, Size, long_table, walk_table
+from rabbit_reproduce.report import Claim, Report, Table, Verdict, judge
+from rabbit_reproduce.table_lines import MAIN, RIGID, Found, Line, Runs, Size, runs_table
 from rabbit_reproduce.training import TrainingJob, that_made
 
 FIGURES = ("fig:Main", "fig:clf-results", "fig:clf-torso-results", "fig:stepping-stone", "fig:rl-cbf-clf-results")
@@ -31,16 +31,13 @@ SWEPT = Runs(10, 1)  # there are many values
 class Experiment(ABC):
     """One figure or claim of the paper. `label` is the paper's own, in brackets, or the section's name.
 
-    One that `needs_training` is made with `--retrain` only. `why` tells why ours differs from the paper, where it does;
-    `told` has the words of its claims.
+    One that `needs_training` is made with `--retrain` only. `told` has the words of its claims.
     """
 
     name: str
     title: str
     label: str
     paper: str
-    why: str = ""
-    caption: str = ""  # of its figure
     told: Mapping[str, Mapping[str, str]]
     judged_on_rigid: bool = False  # all claims hold of any plant's walks, but for those made on `MAIN` alone
     needs_training: bool = False
@@ -106,8 +103,8 @@ class Experiment(ABC):
         verdict = judge(parts, nominal) if parts else Verdict.OPEN
         return Claim(**told, ours=ours, verdict=verdict, tuned=text, undone=undone)
 
-    def figures(self, found: Found) -> dict[str, tuple[str, Figure]]:
-        """Caption and figure by name."""
+    def figures(self, found: Found) -> dict[str, Figure]:
+        """By name."""
         return {}
 
     def jobs(self, size: Size) -> list[SeededRun]:
@@ -122,7 +119,7 @@ class Experiment(ABC):
 
     def tables(self, found: Found) -> Sequence[Table]:
         """Of its lines."""
-        return (walk_table(self.lines(), found), long_table(self.lines(), found))
+        return (runs_table(self.lines(), found),)
 
     def _claims(self, found: Found) -> list[Claim]:
         """With the verdicts on the rigid plant."""
@@ -131,31 +128,24 @@ class Experiment(ABC):
         verdicts = {claim.claim: claim.verdict for claim in beside}
         return [claim.model_copy(update={"on_rigid": verdicts.get(claim.claim)}) for claim in self.claims(found)]
 
-    def report(self, found: Found) -> tuple[Report, Drawn]:
+    def report(self, found: Found) -> Report:
         """From results that are all there; raises `LookupError` where one is not."""
-        captions, drawn = dict[str, str](), Drawn()
-        for width, columns in WIDTHS.items():
-            with style.look(columns):
-                for name, (caption, figure) in self.figures(found).items():
-                    captions[name] = caption
-                    drawn.setdefault(name, {})[width] = figure
-        learned = [job for job in self.jobs(found.size) if job.assembly.policy not in ("zero", "oracle")]
-        report = Report(
-            name=self.name,
-            title=self.title,
-            label=self.label,
-            paper=self.paper,
-            why=self.why,
-            quick=found.size.quick,
-            retrained=found.size.trained is not None,
-            plant=found.size.plant,
-            commit=provenance.commit(),
-            policies={policy_name(job.assembly): job.assembly.make_policy().version for job in learned},
-            claims=tuple(self._claims(found)),
-            tables=tuple(self.tables(found)),
-            figures=captions,
-        )
-        return report, drawn
+        size = found.size
+        with style.look():
+            figures = self.figures(found)
+        learned = [job.assembly for job in self.jobs(size) if job.assembly.policy not in ("zero", "oracle")]
+        policies = {policy_name(each): each.make_policy().version for each in learned}
+        options = " --quick" * size.quick + " --retrain" * (size.trained is not None)
+        options += f" --plant {size.plant}" * (size.plant != "pybullet")
+        about = {
+            "label": self.label,
+            "title": self.title,
+            "plant": size.plant,
+            "policies": "; ".join(f"{name} {version}" for name, version in policies.items()),
+            "commit": provenance.commit(),
+            "command": f"rabbit reproduce {self.name}{options}",
+        }
+        return Report(self.name, about, self._claims(found), self.tables(found), figures)
 
 
 class Sweep(Experiment):
@@ -171,7 +161,6 @@ class Sweep(Experiment):
     axis: str
     scale: float = 1.0
     paper_values: ClassVar[Mapping[tuple[Contender, float], str]] = {}
-    nominal: ClassVar[Contender | None] = None
 
     @cached_property
     def by_key(self) -> dict[Any, Line]:
@@ -185,10 +174,9 @@ class Sweep(Experiment):
         """Those of the nominal controller at its best on the plants of another."""
         return {value: self.at_best(found, self.by_key[contender, value]) for value in self.values}
 
-    def figures(self, found: Found) -> dict[str, tuple[str, Figure]]:
+    def figures(self, found: Found) -> dict[str, Figure]:
         rates = {each: list(self.row(found, each).values()) for each in self.plants}
-        figure = rate_figure(self.values, rates, self.axis, self.scale, list(self.paper_values))
-        return {"rates": (self.caption, figure)}
+        return {"rates": rate_figure(self.values, rates, self.axis, self.scale, list(self.paper_values))}
 
     def largest(self, walks: Mapping[float, Walks]) -> str:
         """The largest value that walks, in words, and up to which one all do."""
@@ -208,8 +196,7 @@ class Sweep(Experiment):
     def _line(self, contender: Contender, value: float) -> Line:
         assembly = contender.assembly(**self.plants[contender], **{self.field: value})
         paper = self.paper_values.get((contender, value), "")
-        beside = self._line(self.nominal, value) if self.nominal and contender is not self.nominal else None
-        return Line(f"{contender.title}, {self._text(value)}", assembly, paper, runs=SWEPT, nominal=beside)
+        return Line(f"{contender.title}, {self._text(value)}", assembly, paper, runs=SWEPT)
 
 
 def forces_kept(walks: Walks) -> tuple[str, bool]:

@@ -1,29 +1,25 @@
-"""What an experiment leaves: claims with their verdicts, tables and figures, in a folder of its own.
+"""What experiments leave, from which the page over all of them is made.
 
-DIR/NAME/report.json      all of it, from which the page over all experiments is made
-DIR/NAME/TABLE.md, .csv   each table
-DIR/NAME/FIGURE.png       each figure, for a page
-DIR/NAME/FIGURE-*.pdf, .svg   as wide as one and as two columns of a paper
+DIR/claims.csv        every claim with its verdict, and the command that judges it
+DIR/runs.csv          every line of every experiment on every plant, with the command that makes it
+DIR/NAME/TABLE.csv    what else an experiment counts
+DIR/NAME/FIGURE.png   its figure
 """
 
 import csv
 import io
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
 from matplotlib.figure import Figure
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict
 from rabbit_description.atomic_file import replace_text
-from rabbit_description.bounded_file import FileError, read_text
-from rabbit_experiments.tables import markdown_table
 from rabbit_viewer import style
 
-REPORT = "report.json"
-MOST_BYTES = 100_000_000
-Cell = str | int | float | None
-WIDTHS = {"": None, "-1-column": 1, "-2-columns": 2}  # of each figure, by what its file's name ends in
-Drawn = dict[str, dict[str, Figure]]  # by name, then by width
+CLAIMS, RUNS = "claims.csv", "runs.csv"
+Cell = str | int | float | bool | None
 
 
 class Verdict(StrEnum):
@@ -75,73 +71,56 @@ class Claim(BaseModel):
     undone: bool = False
 
 
-class Table(BaseModel):
-    """A table; `long` ones are written as CSV alone."""
-
-    model_config = ConfigDict(frozen=True)
+@dataclass(frozen=True)
+class Table:
+    """Rows; those named `runs` go into the file that all experiments share."""
 
     name: str
-    columns: tuple[str, ...]
-    rows: tuple[tuple[Cell, ...], ...]
-    long: bool = False
-
-    @property
-    def markdown(self) -> str:
-        """With a rule below the head."""
-        return markdown_table(self.columns, ([_cell(cell) for cell in row] for row in self.rows))
+    columns: Sequence[str]
+    rows: Sequence[Sequence[Cell]]
 
     @property
     def csv(self) -> str:
         """Bare values."""
         text = io.StringIO(newline="")
-        csv.writer(text).writerows([self.columns, *self.rows])
+        csv.writer(text, lineterminator="\n").writerows([self.columns, *self.rows])
         return text.getvalue()
 
 
-class Report(BaseModel):
-    """One experiment's. `policies` has versions by name, `figures` captions by name without suffix."""
-
-    model_config = ConfigDict(frozen=True)
+@dataclass(frozen=True)
+class Report:
+    """One experiment's; `about` has what every row of its claims says."""
 
     name: str
-    title: str
-    label: str
-    paper: str
-    why: str = ""
-    quick: bool
-    retrained: bool
-    plant: str = "pybullet"  # on which claims are judged
-    commit: str
-    policies: dict[str, str]
-    claims: tuple[Claim, ...]
-    tables: tuple[Table, ...]
-    figures: dict[str, str]
+    about: Mapping[str, Cell]
+    claims: Sequence[Claim]
+    tables: Sequence[Table] = ()
+    figures: Mapping[str, Figure] | None = None
 
-    def write(self, out: Path, drawn: Drawn) -> None:
-        """Put everything into `out/NAME`."""
-        folder = out / self.name
-        folder.mkdir(parents=True, exist_ok=True)
+    def write(self, out: Path) -> None:
+        """Put everything into `out`, in place of what it has of this experiment."""
         for table in self.tables:
-            replace_text(folder / f"{table.name}.csv", table.csv)
-            if not table.long:
-                replace_text(folder / f"{table.name}.md", table.markdown)
-        for name, widths in drawn.items():
-            for width, figure in widths.items():
-                for suffix in ("svg", "pdf") if width else ("png",):
-                    style.save(figure, folder / f"{name}{width}.{suffix}", dpi=160)
-        replace_text(folder / REPORT, self.model_dump_json(indent=1))
+            if f"{table.name}.csv" == RUNS:
+                self._put(out / RUNS, table.columns, table.rows)
+            else:
+                (out / self.name).mkdir(parents=True, exist_ok=True)
+                replace_text(out / self.name / f"{table.name}.csv", table.csv)
+        rows = [(*claim.model_dump().values(), *self.about.values()) for claim in self.claims]
+        self._put(out / CLAIMS, (*Claim.model_fields, *self.about), rows)
+        for name, figure in (self.figures or {}).items():
+            style.save(figure, out / self.name / f"{name}.png", dpi=110)
+
+    def _put(self, path: Path, columns: Sequence[str], rows: Iterable[Sequence[Cell]]) -> None:
+        heads, own = ("experiment", *columns), [(self.name, *row) for row in rows]
+        others = [
+            tuple(row.get(head, "") for head in heads) for row in read_rows(path) if row["experiment"] != self.name
+        ]
+        replace_text(path, Table("", heads, sorted([*others, *own], key=lambda row: str(row[0]))).csv)
 
 
-def read_report(folder: Path) -> Report | None:
-    """The report of an experiment's folder; None where there is none, or one of another version."""
-    try:
-        return Report.model_validate_json(read_text(folder / REPORT, MOST_BYTES))
-    except (FileError, ValidationError):
-        return None
-
-
-def _cell(cell: Cell) -> str:
-    if cell is None:
-        return "-"
-    text = f"{cell:.3g}" if isinstance(cell, float) else str(cell)
-    return text.replace("|", "\\|")
+def read_rows(path: Path) -> list[dict[str, str]]:
+    """Of a file of these; none where there is no such file."""
+    if not path.is_file():
+        return []
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))

@@ -13,7 +13,7 @@ from rabbit_experiments.walk_records import WalkRecords
 from rabbit_sim.parameters import SimulationParameters
 
 from rabbit_reproduce.command_lines import evaluate_command
-from rabbit_reproduce.report import Cell, Table, Verdict
+from rabbit_reproduce.report import Cell, Table
 from rabbit_reproduce.training import Trained
 
 SUMMED = (
@@ -90,14 +90,13 @@ HEADLINE = Runs(20, 3)  # of the paper's own figures
 
 @dataclass(frozen=True)
 class Line:
-    """A line of a table; `nominal` is the nominal controller's on the same plant, if passing there shows nothing."""
+    """A line of a table."""
 
     what: str
     assembly: Assembly
     paper: str = ""
     runs: Runs | None = None
     columns: tuple[Column, ...] = COLUMNS
-    nominal: "Line | None" = None
     seed: int = SEED
 
     def scenario(self, size: Size, column: Column = MAIN) -> Scenario:
@@ -141,49 +140,38 @@ class Found:
         return records
 
 
-def walk_table(lines: Sequence[Line], found: Found) -> Table:
-    """What, the paper's figure, each plant, whether it shows nothing, forces and the command."""
-    plants = found.size.columns([column for column in COLUMNS if any(column in line.columns for line in lines)])
-    paper, nominal = any(line.paper for line in lines), any(line.nominal for line in lines)
-    columns = (
-        *("what", *("paper",) * paper, *map(found.size.title, plants), *("shows",) * nominal),
-        *("over cone, lost", "largest ratio", "command"),
-    )
-    rows: list[tuple[Cell, ...]] = []
-    for line in lines:
-        main = found.walks(line)
-        forces = f"{main.total('ticks_over_cone')}, {main.total('ticks_lost')} of {main.total('ticks')}"
-        cells = [found.walks(line, column).text if column in line.columns else None for column in plants]
-        command = f"`{evaluate_command(line.scenario(found.size))}`"
-        head = (line.what, *(line.paper,) * paper, *cells, *(shows(line, found),) * nominal)
-        rows.append((*head, forces, f"{main.max_ratio:.2f}", command))
-    return Table(name="walks", columns=columns, rows=tuple(rows))
-
-
-def shows(line: Line, found: Found) -> str | None:
-    """Of a line that walks: whether it shows anything, the nominal controller passing too or not."""
-    if line.nominal is None or not found.walks(line).passes:
-        return None
-    return str(Verdict.NOTHING) if found.walks(line.nominal).passes else "nominal fails"
-
-
-def long_table(lines: Sequence[Line], found: Found) -> Table:
+def runs_table(lines: Sequence[Line], found: Found) -> Table:
     """A row for each line and plant."""
     columns = (
-        *("what", "plant", "motor_lag", "policy", "seed", "runs", "walked", "low95", "high95", "walked_with_forces"),
-        *("mean_stones", "mean_low95", "mean_high95", "std_stones", "max_force_ratio", "rms_y", "rms_dy"),
+        *("what", "paper", "plant", "motor_lag", "policy", "seed", "runs", "walked", "low95", "high95"),
+        *(
+            "walked_with_forces",
+            "mean_stones",
+            "mean_low95",
+            "mean_high95",
+            "std_stones",
+            "max_force_ratio",
+            "rms_y",
+            "rms_dy",
+        ),
         *(*SUMMED, "falls", "command"),
     )
-    rows = tuple(_long_row(line, column, found) for line in lines for column in found.size.columns(line.columns))
-    return Table(name="runs", columns=columns, rows=rows, long=True)
+    rows = tuple(_row(line, column, found) for line in lines for column in found.size.columns(line.columns))
+    return Table("runs", columns, rows)
 
 
-def _long_row(line: Line, column: Column, found: Found) -> tuple[Cell, ...]:
+def _row(line: Line, column: Column, found: Found) -> tuple[Cell, ...]:
     walks, scenario = found.walks(line, column), line.scenario(found.size, column)
     policy = scenario.assembly.make_policy().version  # a hash of its bytes
     return (
-        *(line.what, scenario.assembly.simulation.plant, column.lag, policy, scenario.seed, walks.runs, walks.walked),
-        *(*walks.interval, walks.with_forces, walks.mean_stones, *(walks.stones_interval or (None, None))),
+        *(line.what, line.paper, scenario.assembly.simulation.plant, column.lag, policy, scenario.seed, walks.runs),
+        *(
+            walks.walked,
+            *walks.interval,
+            walks.with_forces,
+            walks.mean_stones,
+            *(walks.stones_interval or (None, None)),
+        ),
         *(walks.std_stones, walks.max_ratio, walks.rms("rms_y"), walks.rms("rms_dy")),
         *(walks.total(name) for name in SUMMED),
         "; ".join(f"{kind} {count}" for kind, count in sorted(walks.falls.items())),

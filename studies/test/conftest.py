@@ -34,9 +34,9 @@ class OneStone(Experiment):
             )
         ]
 
-    def figures(self, found: Found) -> dict[str, tuple[str, Figure]]:
+    def figures(self, found: Found) -> dict[str, Figure]:
         """One."""
-        return {"errors": ("Errors", tracking_figure({CBF_CLF: found.records(self.by_key["nominal"])}))}
+        return {"errors": tracking_figure({CBF_CLF: found.records(self.by_key["nominal"])})}
 
 
 @pytest.fixture

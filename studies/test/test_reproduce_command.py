@@ -1,6 +1,5 @@
 """`rabbit reproduce`: a tiny experiment to its files, the commands of its rows, and what is wrong in one line."""
 
-import csv
 import shlex
 from collections.abc import Callable
 from dataclasses import replace
@@ -16,7 +15,7 @@ from rabbit_reproduce.command_lines import evaluate_command
 from rabbit_reproduce.commands.reproduce import app
 from rabbit_reproduce.experiment import Experiment
 from rabbit_reproduce.page import PAGE, make
-from rabbit_reproduce.report import Table, read_report
+from rabbit_reproduce.report import CLAIMS, RUNS, Table, read_rows
 from rabbit_reproduce.table_lines import COLUMNS, FULL, QUICK, Found, Line, Size
 from typer.testing import CliRunner, Result
 
@@ -34,18 +33,14 @@ def test_a_tiny_experiment_to_its_files(tmp_path: Path, one_stone: Maker, tiny: 
     page, done = make([experiment], tiny, tmp_path, ["one-stone"])
     at_its_best = 2 + 1  # on the plants that claims are judged on
     assert done == len(experiment.jobs(tiny)) == 2 * (2 + 3) + 1 + at_its_best
-    folder = tmp_path / "one-stone"
-    for name in ("walks.md", "walks.csv", "runs.csv", "errors.png", "report.json"):
-        assert (folder / name).stat().st_size > 0
-    for width in ("-1-column", "-2-columns"):
-        assert (folder / f"errors{width}.pdf").read_bytes().startswith(b"%PDF")
-        assert "<svg" in (folder / f"errors{width}.svg").read_text()
-    with (folder / "runs.csv").open() as file:
-        rows = list(csv.DictReader(file))
+    assert (tmp_path / "one-stone" / "errors.png").stat().st_size > 0
+    rows = read_rows(tmp_path / RUNS)
+    assert {row["experiment"] for row in rows} == {"one-stone"}
+    assert "--seed 50001" in rows[0]["command"]
     assert [(row["plant"], row["motor_lag"]) for row in rows[:4]] == [(c.plant, str(c.lag)) for c in COLUMNS]
     assert {row["runs"] for row in rows} == {"2", "1"}
     text = page.read_text()
-    for part in ("fig:none", "**reproduced**", "one-stone/errors.png", "--seed 50001", "2 of 2"):
+    for part in ("fig:none", "**reproduced**", "one-stone/errors.png", "rabbit reproduce one-stone --quick", "2 of 2"):
         assert part in text
     assert make([experiment], tiny, tmp_path, ["one-stone"])[1] == 0
 
@@ -54,8 +49,9 @@ def test_the_page_keeps_what_was_made_before(tmp_path: Path, one_stone: Maker, t
     make([one_stone()], tiny, tmp_path, ["one-stone", "again"])
     page, done = make([one_stone("again")], tiny, tmp_path, ["one-stone", "again"])
     assert done == 0
-    assert "## one-stone" in page.read_text()
-    assert "## again" in page.read_text()
+    assert "**one-stone**" in page.read_text()
+    assert "**again**" in page.read_text()
+    assert [row["experiment"] for row in read_rows(tmp_path / CLAIMS)] == ["again", "one-stone"]
 
 
 def test_what_was_stopped_leaves_what_is_whole(
@@ -71,8 +67,8 @@ def test_what_was_stopped_leaves_what_is_whole(
     monkeypatch.setattr("rabbit_reproduce.page.run", stopped)
     with pytest.raises(KeyboardInterrupt):
         make([whole, other], tiny, tmp_path, ["one-stone", "other"])
-    assert "## one-stone" in (tmp_path / PAGE).read_text()
-    assert read_report(tmp_path / "other") is None
+    assert "**one-stone**" in (tmp_path / PAGE).read_text()
+    assert "other" not in {row["experiment"] for row in read_rows(tmp_path / CLAIMS)}
 
 
 def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, one_stone: Maker, tiny: Size) -> None:
@@ -133,7 +129,5 @@ def test_a_missing_run_is_told(tmp_path: Path, one_stone: Maker, tiny: Size) -> 
         Found(Cache(tmp_path), tiny).walks(one_stone().lines()[0])
 
 
-def test_cells_of_a_table() -> None:
-    table = Table(name="t", columns=("a", "b"), rows=((1.23456, "x|y"), (None, 2)))
-    assert table.markdown.splitlines() == ["| a | b |", "| --- | --- |", "| 1.23 | x\\|y |", "| - | 2 |"]
-    assert table.csv.splitlines() == ["a,b", "1.23456,x|y", ",2"]
+def test_a_table_has_bare_values() -> None:
+    assert Table("t", ("a", "b"), ((1.23456, "x|y"), (None, 2))).csv.splitlines() == ["a,b", "1.23456,x|y", ",2"]

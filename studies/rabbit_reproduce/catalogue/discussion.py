@@ -25,7 +25,6 @@ from rabbit_reproduce.report import Claim
 from rabbit_reproduce.table_lines import MAIN, Found, Line, Runs
 
 WHO = {"flat": (RL_CLF, CLF, CLF_ORACLE), "stones": (RL_CBF_CLF, CBF_CLF, CBF_CLF_ORACLE)}
-NOMINAL = {each: row[1] for row in WHO.values() for each in row}
 SCALES, SMALL = (1.0, 2.0), (0.7, 0.5)
 LONG, LONG_RUNS = 1000, Runs(20, 1)  # steps that stand for "indefinitely"
 AT_ONCE = 2.0  # steps, mean, within which "fails after just one step" counts as the same
@@ -44,9 +43,8 @@ class Perturbation(Experiment):
         lines: dict[Any, Line] = {}
         for scale in SCALES:
             for terrain, (learned, nominal, _) in WHO.items():
-                beside = self._line(nominal, scale, terrain)
-                lines[scale, terrain, 0] = replace(self._line(learned, scale, terrain), paper="walks", nominal=beside)
-                lines[scale, terrain, 1] = beside
+                lines[scale, terrain, 0] = replace(self._line(learned, scale, terrain), paper="walks")
+                lines[scale, terrain, 1] = self._line(nominal, scale, terrain)
         return lines
 
     def claims(self, found: Found) -> list[Claim]:
@@ -113,9 +111,7 @@ class SmallMass(Experiment):
         ]
 
     def _line(self, scale: float, contender: Contender) -> Line:
-        nominal = NOMINAL.get(contender, CBF_CLF)
-        beside = self._line(scale, nominal) if contender is not nominal else None
-        return Line(f"{contender.title}, scale {scale:g}", contender.assembly(mass_scale=scale), nominal=beside)
+        return Line(f"{contender.title}, scale {scale:g}", contender.assembly(mass_scale=scale))
 
     def _trained(self, long: Walks, walks: dict[Any, Walks], best: dict[Any, Walks]) -> Claim:
         """The paper's claim, with a policy trained as the paper's."""

@@ -18,7 +18,7 @@ from rabbit_viewer import style
 from rabbit_reproduce.controllers import CBF_CLF, CBF_CLF_ORACLE, CLF, CLF_ORACLE, RL_CBF_CLF, RL_CLF, ROBUST, Contender
 from rabbit_reproduce.experiment import Experiment
 from rabbit_reproduce.feasibility import Feasibility, JudgedWalk, RowSet, share, share_text, total
-from rabbit_reproduce.report import Claim, Table
+from rabbit_reproduce.report import Cell, Claim, Table
 from rabbit_reproduce.table_lines import COLUMNS, SEED, Column, Found, Size
 from rabbit_reproduce.training import TrainingJob, recipes
 
@@ -74,13 +74,13 @@ class ClfAssumption(Judged):
 
     def tables(self, found: Found) -> Sequence[Table]:
         columns = ("plant", *ROWS, *(f"CLF row, {each.title}'s states" for each in WALKERS), "states")
-        rows = []
+        rows: list[Sequence[Cell]] = []
         for name in PLANTS:
             walks = self.judged(found, name)
             by_walker = [f"{1 - share([runs], 0, 'all'):.1%}" for runs in walks]
             met = [f"{value:.1%}" for value in self._met(found, name).values()]
             rows.append((name, *met, *by_walker, total(walks)))
-        return (Table(name="shares", columns=columns, rows=tuple(rows)),)
+        return (Table("shares", columns, tuple(rows)),)
 
     def claims(self, found: Found) -> list[Claim]:
         """Where the paper's method works, and where it does not."""
@@ -131,7 +131,7 @@ class FeasibilityShare(Judged):
                 safety = safety if group == "stones" else ("-", "-")
                 ticks = f"{total(own)}, {total(walks)}"
                 rows.append((group, found.size.title(column), contender.title, *safety, *every, ticks))
-        return (Table(name="shares", columns=heads, rows=tuple(rows)),)
+        return (Table("shares", heads, tuple(rows)),)
 
     def claims(self, found: Found) -> list[Claim]:
         """On stones, of RL-CBF-CLF-QP and of the nominal controller."""
@@ -184,9 +184,9 @@ class FeasibilityByEpisode(Judged):
         for i, episode in enumerate(EPISODES):
             lines[f"policy after episode {episode}"] = [row[i] for rows in SETS for row in curves[rows]]
         rows = tuple((title, *(f"{value:.2%}" for value in values)) for title, values in lines.items())
-        return (Table(name="shares", columns=columns, rows=rows),)
+        return (Table("shares", columns, rows),)
 
-    def figures(self, found: Found) -> dict[str, tuple[str, Figure]]:
+    def figures(self, found: Found) -> dict[str, Figure]:
         """A panel for each set of rows."""
         curves, beside = self._curves(found), self._beside(found)
         figure, panels = style.figure(len(SETS), height=1.9)
@@ -203,7 +203,7 @@ class FeasibilityByEpisode(Judged):
         panels[-1].xaxis.set_major_locator(MaxNLocator(integer=True))
         style.legend(panels[0], columns=3)
         figure.align_ylabels()
-        return {"feasibility_by_episode": (self.caption, figure)}
+        return {"feasibility_by_episode": figure}
 
     def claims(self, found: Found) -> list[Claim]:
         """Of the safety rows, of all; and whether the learned rows are at last infeasible as often as the true ones.

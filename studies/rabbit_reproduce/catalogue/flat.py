@@ -27,13 +27,9 @@ class TenSteps(Experiment):
     def by_key(self) -> dict[Any, Line]:
         return {each: Line(each.title, each.assembly(stones=STEPS, **self.plant), runs=HEADLINE) for each in FLAT}
 
-    def figures(self, found: Found) -> dict[str, tuple[str, Figure]]:
+    def figures(self, found: Found) -> dict[str, Figure]:
         walks: dict[Contender, Any] = {each: found.records(self.by_key[each]) for each in FLAT}
-        caption = (
-            f"{self.title}: tracking error, its derivative and force ratio of the first run. "
-            "Dots: within 30 ms of an impact. Cross: it fell."
-        )
-        return {"tracking": (caption, tracking_figure(walks))}
+        return {"tracking": tracking_figure(walks)}
 
     def claims(self, found: Found) -> list[Claim]:
         """The learned ones walk, the nominal one does not."""

@@ -1,6 +1,6 @@
 """What learning buys beyond a higher gain: courses walked over mass and payload, nominal control tuned (ours)."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
@@ -21,8 +21,8 @@ from rabbit_reproduce.controllers import (
 )
 from rabbit_reproduce.curves import draw_rates
 from rabbit_reproduce.experiment import Experiment
-from rabbit_reproduce.report import Claim, Table
-from rabbit_reproduce.table_lines import HEADLINE, MAIN, MUJOCO, Found, Line, long_table
+from rabbit_reproduce.report import Claim
+from rabbit_reproduce.table_lines import HEADLINE, MAIN, MUJOCO, Found, Line
 
 SEED = 50006  # of these courses and of nothing else
 ENGINES = (MAIN, MUJOCO)
@@ -57,22 +57,6 @@ class HigherGain(Experiment):
         """None: it is one of them."""
         return ()
 
-    def tables(self, found: Found) -> Sequence[Table]:
-        """A row for each plant and engine, a column for each controller; then all figures."""
-        rows = [
-            (
-                f"{self.axis[field]}: {value:g}",
-                found.size.title(engine),
-                *(found.walks(self.by_key[who, field, value], engine).rate_text for who in WHO),
-            )
-            for field, values in self.swept.items()
-            for value in values
-            for engine in found.size.columns(ENGINES)
-        ]
-        return Table(
-            name="walks", columns=("plant", "engine", *(who.title for who in WHO)), rows=tuple(rows)
-        ), long_table(self.lines(), found)
-
     def claims(self, found: Found) -> list[Claim]:
         """Where each walks; ours, so without a verdict on the paper."""
         walks = self.walks(found)
@@ -86,14 +70,14 @@ class HigherGain(Experiment):
             claims.append(self.claim("walks", "; ".join(passed), who=who.title))
         return claims
 
-    def figures(self, found: Found) -> dict[str, tuple[str, Figure]]:
+    def figures(self, found: Found) -> dict[str, Figure]:
         figure, panels = style.figure(len(self.swept), height=3.0, sharex=False)
         walks = self.walks(found)
         for axes, (field, values) in zip(panels, self.swept.items(), strict=True):
             draw_rates(axes, values, {who: [walks[who, field, value] for value in values] for who in WHO})
             axes.set_xlabel(self.axis[field])
         style.legend(panels[0], columns=2)
-        return {"rates": (self.caption, figure)}
+        return {"rates": figure}
 
     def _line(self, who: Contender, field: str, value: float) -> Line:
         what = f"{who.title}, {self.axis[field]}: {value:g}"

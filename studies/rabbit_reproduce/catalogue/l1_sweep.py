@@ -17,8 +17,8 @@ from rabbit_viewer import style
 from rabbit_reproduce.catalogue.flat import STEPS
 from rabbit_reproduce.controllers import CLF, L1_CLF
 from rabbit_reproduce.experiment import Experiment
-from rabbit_reproduce.report import Claim, Table
-from rabbit_reproduce.table_lines import MAIN, Found, Line, Runs, long_table, walk_table
+from rabbit_reproduce.report import Claim
+from rabbit_reproduce.table_lines import MAIN, Found, Line, Runs
 
 SCALES = (1.2, 2.0)
 GAINS = (0.01, 0.1, 1.0, 100.0, 1e4)
@@ -77,21 +77,13 @@ class L1Sweep(Experiment):
             lines[scale, each] = Line(f"{each.text}, scale {scale:g}", assembly, **more)
         return lines
 
-    def tables(self, found: Found) -> Sequence[Table]:
-        walks = walk_table(self.lines(), found)
-        at = walks.columns.index(found.size.title(MAIN)) + 1
-        errors = [(f"{each.rms('rms_y'):.4f}", f"{each.rms('rms_dy'):.3f}") for each in map(found.walks, self.lines())]
-        rows = tuple((*row[:at], *error, *row[at:]) for row, error in zip(walks.rows, errors, strict=True))
-        columns = (*walks.columns[:at], "rms of y (rad)", "of its rate (rad/s)", *walks.columns[at:])
-        return Table(name="walks", columns=columns, rows=rows), long_table(self.lines(), found)
-
-    def figures(self, found: Found) -> dict[str, tuple[str, Figure]]:
+    def figures(self, found: Found) -> dict[str, Figure]:
         figure, panels = style.figure(len(SCALES), height=2.1)
         for axes, scale in zip(panels, SCALES, strict=True):
             self._panel(axes, scale, found)
         style.legend(panels[0], columns=3)
         panels[-1].set_xlabel("adaptation gain")
-        return {"gain": (self.caption, figure)}
+        return {"gain": figure}
 
     def claims(self, found: Found) -> list[Claim]:
         """Against the CLF-QP, at scale 2, and Euler's law."""

@@ -47,11 +47,11 @@ class LearningCurves(Experiment):
         )
         rows = [_row(session, walks) for session in sessions(found.size)]
         episodes = tuple(tuple(row.model_dump().values()) for session in sessions(found.size) for row in session)
-        every = Table(name="episodes", columns=tuple(Episode.model_fields), rows=episodes, long=True)
-        return Table(name="trainings", columns=columns, rows=tuple(rows)), every
+        every = Table("episodes", tuple(Episode.model_fields), episodes)
+        return Table("trainings", columns, tuple(rows)), every
 
-    def figures(self, found: Found) -> dict[str, tuple[str, Figure]]:
-        return {"learning_curves": (self.caption, learning_figure(by_contender(found.size)))}
+    def figures(self, found: Found) -> dict[str, Figure]:
+        return {"learning_curves": learning_figure(by_contender(found.size))}
 
     def claims(self, found: Found) -> list[Claim]:
         """Of each problem."""

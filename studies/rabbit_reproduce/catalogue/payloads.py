@@ -29,7 +29,6 @@ class PayloadFlat(Sweep):
 
     name = "payload-flat"
     plants: ClassVar = {each: {} for each in (*FLAT, CLF_ORACLE)}
-    nominal = CLF
     paper_values: ClassVar = {(each, most): f"up to {most:g} kg" for each, most in PAPER.items()}
 
     def claims(self, found: Found) -> list[Claim]:
@@ -51,7 +50,6 @@ class PayloadStones(Sweep):
 
     name = "payload-stones"
     plants: ClassVar = {each: {} for each in (*STONES, CBF_CLF_ORACLE)}
-    nominal = CBF_CLF
     paper_values: ClassVar = {(RL_CBF_CLF, most): "walks" for most in RANGE}
 
     def claims(self, found: Found) -> list[Claim]:

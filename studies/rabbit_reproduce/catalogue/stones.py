@@ -41,8 +41,8 @@ class RlCbfClfResults(Experiment):
             who: Line(who.title, who.assembly(mass_scale=2.0), paper, HEADLINE) for who, paper in each_paper.items()
         }
 
-    def figures(self, found: Found) -> dict[str, tuple[str, Figure]]:
-        return {"swing_foot": (self.caption, swing_foot_figure(found.records(self.by_key[RL_CBF_CLF])))}
+    def figures(self, found: Found) -> dict[str, Figure]:
+        return {"swing_foot": swing_foot_figure(found.records(self.by_key[RL_CBF_CLF]))}
 
     def claims(self, found: Found) -> list[Claim]:
         """Stones and forces, over all runs."""
@@ -72,8 +72,8 @@ class SteppingStone(Experiment):
     def by_key(self) -> dict[Any, Line]:
         return {RL_CBF_CLF: Line(RL_CBF_CLF.title, RL_CBF_CLF.assembly(mass_scale=2.0), runs=HEADLINE)}
 
-    def figures(self, found: Found) -> dict[str, tuple[str, Figure]]:
-        return {"grey_area": (self.caption, grey_area_figure(found.records(self.by_key[RL_CBF_CLF])))}
+    def figures(self, found: Found) -> dict[str, Figure]:
+        return {"grey_area": grey_area_figure(found.records(self.by_key[RL_CBF_CLF]))}
 
     def claims(self, found: Found) -> list[Claim]:
         """Both barriers with the stone's true edges, at every tick of the first run."""
