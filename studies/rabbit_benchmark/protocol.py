@@ -12,7 +12,7 @@ from rabbit_description.validation import one_line
 from rabbit_experiments.assembly import AssemblyError
 from rabbit_experiments.evaluation import Walk, episode_seeds
 from rabbit_experiments.provenance import plain, provenance
-from rabbit_experiments.source_code import SourceError
+from rabbit_experiments.source_code import CodeError
 from rl_cbf_clf_controller.parameters import ParameterError
 from rl_cbf_clf_controller.weights import PolicyFileError
 
@@ -59,7 +59,7 @@ class Protocol:
                 walks.append(Walk(assembly, course, run, title=title))
             walks[0].assembly.make_policy()
             provenance(plain(walks[0]))
-        except (SourceError, AssemblyError, GaitError, ParameterError, PolicyFileError, ValidationError) as error:
+        except (CodeError, AssemblyError, GaitError, ParameterError, PolicyFileError, ValidationError) as error:
             raise CannotTake(one_line(error)) from error
         return walks
 

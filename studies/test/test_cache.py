@@ -12,7 +12,7 @@ from rabbit_experiments.cache import Cache, Job, JobError
 from rabbit_experiments.engine import run
 from rabbit_experiments.evaluation import RecordedWalk, SeededRun, Walk
 from rabbit_experiments.provenance import plain, provenance
-from rabbit_experiments.source_code import SourceError
+from rabbit_experiments.source_code import CodeError
 from rabbit_reproduce.controllers import CBF_CLF
 from rabbit_reproduce.feasibility import JudgedWalk
 
@@ -116,7 +116,7 @@ def test_a_class_made_by_a_function_cannot_be_kept(tmp_path: Path) -> None:
         pass
 
     inside = Mine(JOB.assembly.simulation, JOB.assembly.controller, "zero")
-    with pytest.raises(SourceError, match="top level of a module"):
+    with pytest.raises(CodeError, match="top level of a module"):
         Cache(tmp_path).key(replace(JOB, assembly=inside))
 
 

@@ -21,7 +21,7 @@ from typing import Any
 from pydantic import BaseModel
 from rabbit_description.atomic_file import replace_text
 
-from rabbit_experiments.source_code import SourceError, code_of, hash_of, hash_of_text
+from rabbit_experiments.source_code import CodeError, code_of, hash_of, hash_of_text
 
 LIBRARIES = ("numpy", "scipy", "pin", "pybullet", "mujoco", "osqp", "torch", "casadi", "safetensors", "joblib")
 PARTS = ("rabbit.plants", "rabbit.controllers", "rabbit.learners")  # entry points that parameters choose by name
@@ -29,6 +29,7 @@ CLASS = "class"
 MADE_WITH = "made_with.json"  # in a folder in which one thing is made
 
 
+@cache
 def versions() -> dict[str, str]:
     """Of Python and of the libraries that are installed."""
     found = {"python": platform.python_version()}
@@ -83,27 +84,22 @@ def plain(value: Any) -> Any:
 def provenance(asked: Any, hash_file: Callable[[Path], str] = hash_of) -> dict[str, str]:
     """What a result is made with, by name, besides what is `asked` for, which is `plain`: equal ones, equal results.
 
-    Hashes of the files that it names, and of the code of its classes and of the plants, controllers and learners that
-    it names; versions of the libraries that this code imports, and of Python.
+    Hashes of the files that it names, and of the packages of its classes and of the plants, controllers and learners
+    that it names; versions of the libraries and of Python.
 
     Raises:
-        SourceError: a class whose code is in no file, or that a function made.
+        CodeError: a class whose code is in no file, or that a function made.
     """
     modules, parts = set[str](), dict[str, str]()
     for key, text in _strings(asked):
         if key != CLASS:
             parts |= _parts().get(text, {})
         elif "<locals>" in text:
-            raise SourceError(f"{text}: expected a class at the top level of a module, so that its results can be kept")
+            raise CodeError(f"{text}: expected a class at the top level of a module, so that its results can be kept")
         else:
             modules.add(text.partition(":")[0])
     modules |= {value.partition(":")[0] for value in parts.values()}
-    return {
-        "python": platform.python_version(),
-        **parts,
-        **code_of(frozenset(modules)),
-        **named_files(asked, hash_file),
-    }
+    return {**versions(), **parts, **code_of(frozenset(modules)), **named_files(asked, hash_file)}
 
 
 def named_files(asked: Any, hash_file: Callable[[Path], str] = hash_of) -> dict[str, str]:
