@@ -16,7 +16,7 @@ LONG = {
         "reproduce": "rabbit reproduce all",
         "misses": "rabbit misses --fit-plants ",
     },
-    **{"speed": "rabbit speed --plants 40", "faults": "rabbit faults --runs 300", "soak": "rabbit soak --minutes 60"},
+    **{"speed": "rabbit speed --plants 40", "soak": "rabbit soak --minutes 60"},
     **{"jitter": "rabbit jitter --minutes 10", "residual": "rabbit residual --ticks 6000000"},
     "rival end-to-end": "rabbit rival end-to-end --ticks 20000000",
 }

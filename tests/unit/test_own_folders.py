@@ -31,7 +31,6 @@ FOLDERS = {
     "gait": ("--name", "mine"),
     "rival end-to-end": ("--ticks", 1),
     "residual": ("--ticks", 1),
-    "faults": ("--runs", 1),
     "bag plot": ("none.mcap",),
     "walk": (),
     "system evaluate": (CART_POLE, "--rides", 1),
