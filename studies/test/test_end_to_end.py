@@ -123,23 +123,6 @@ def steps(state) -> float:
 
 
 @pytest.mark.parametrize("learner", list(SMALL))
-def test_a_session_that_was_stopped_goes_on_from_what_it_kept(learner: str, tmp_path: Path) -> None:
-    def stop(line: str) -> None:
-        raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        train(small(learner, 96), tmp_path, stop)
-    with (tmp_path / "curve.csv").open("a") as curve:
-        curve.write("64,0.1,what a killed session wrote after it had kept its state\n96,")
-    assert read(train(small(learner, 96), tmp_path, quiet), NetworkAbout).about.ticks == 96
-    head, *lines = [line.split(",") for line in (tmp_path / "curve.csv").read_text().splitlines()]
-    assert [line[0] for line in lines] == ["32", "64", "96"]
-    assert {len(line) for line in lines} == {len(head)}
-    hours = [float(line[1]) for line in lines]
-    assert hours == sorted(hours)
-
-
-@pytest.mark.parametrize("learner", list(SMALL))
 def test_the_same_stops_lead_to_the_same_network(learner: str, tmp_path: Path) -> None:
     def network(out: Path) -> dict[str, np.ndarray]:
         for ticks in (96, 160):

@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from cbf_clf_qp.functions import NumpyFunction, Values, packed
-from hypothesis import assume, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy_steps import Steps
 from rabbit_description import DEFAULT_GAIT, LIBRARIES
@@ -15,12 +15,11 @@ from rabbit_description.gait import Gait, GaitError, GaitLibrary, load_gait, loa
 from rabbit_description.state import Array, StonePreview
 from rabbit_description.yaml_file import dump_yaml, read_mapping
 from rabbit_gait_design import GaitSpecification
-from rabbit_gait_design.library import library_specifications, outwards
+from rabbit_gait_design.library import library_specifications
 from rabbit_gait_design.orbit import Orbit
 from rabbit_gait_design.pinocchio_model import PinocchioModel
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.robot_numbers import read_robot
-from rl_cbf_clf_controller.step_begin import FADED, LEAST_RATE, LEAST_WIDTH
 from rl_cbf_clf_controller.step_landing import DEPTH, LATE, Legs, descent, landing_at
 from rl_cbf_clf_controller.step_paths import GaitExpressions, Shape, StepPath, gait_row
 from rl_cbf_clf_controller.virtual_constraints import RABBIT_ANGLES, VirtualConstraints, gradual_line
@@ -120,18 +119,6 @@ def test_a_step_begins_as_one_gait_and_ends_as_the_other(taken: float, wanted: f
         np.testing.assert_allclose(*ends, atol=1e-12)
 
 
-@given(taken=LENGTHS, wanted=LENGTHS, seed=st.integers(0, 2**16))
-def test_a_step_begins_without_error_and_ends_on_its_path(taken: float, wanted: float, seed: int) -> None:
-    q, dq = landed(taken, seed)
-    outputs, own = begun(wanted, q, dq)
-    assume(own.evaluate(q, dq).phase_rate >= LEAST_RATE)  # of one that hardly moves forward only y is continuous
-    np.testing.assert_allclose(outputs.evaluate(q, dq).eta, 0.0, atol=1e-9)
-    ended = max(FADED, own.evaluate(q, dq).phase + LEAST_WIDTH)
-    later = q.copy()
-    later[2] += (ended + 0.01 - own.evaluate(q, dq).phase) / own.scale[0]
-    np.testing.assert_allclose(outputs.evaluate(later, dq).eta, own.evaluate(later, dq).eta, atol=1e-12)
-
-
 @given(taken=LENGTHS, wanted=LENGTHS, seed=st.integers(0, 2**16), time=st.floats(0.01, 0.3))
 @settings(max_examples=50)
 def test_rates_and_accelerations_are_derivatives(taken: float, wanted: float, seed: int, time: float) -> None:
@@ -209,11 +196,6 @@ def test_a_bad_library_is_refused(content: dict[str, Any], words: str, tmp_path:
     assert words in str(caught.value)
 
 
-def test_no_such_gait_names_gaits_and_libraries() -> None:
-    with pytest.raises(GaitError, match=f"{DEFAULT_GAIT}.*{NAME}"):
-        load_gaits("moonwalk")
-
-
 def test_a_file_goes_there_and_back(tmp_path: Path) -> None:
     LIBRARY.save(tmp_path / "again.yaml")
     assert load_gaits(tmp_path / "again.yaml") == LIBRARY
@@ -226,33 +208,6 @@ def test_specifications_follow_the_length() -> None:
     assert (middle.step_length, middle.max_foot_height, long.name) == (0.35, base.max_foot_height, "lib_0600")
     circle = np.hypot(0.3, base.R2) - base.R2
     assert long.max_foot_height > circle
-
-
-@pytest.mark.parametrize("lengths", [[0.3], [0.4, 0.3], [0.3, 0.3]])
-def test_lengths_that_make_no_library(lengths: list[float]) -> None:
-    with pytest.raises(ValueError, match="two or more, increasing"):
-        library_specifications(GaitSpecification(name="lib"), lengths)
-
-
-@pytest.mark.parametrize("slopes", [[2.0, -2.0], [0.0, 0.0], [0.0, 50.0]])
-def test_slopes_that_make_no_library(slopes: list[float]) -> None:
-    with pytest.raises(ValueError, match="slope"):
-        library_specifications(GaitSpecification(name="lib"), [0.3, 0.4], 0.0, slopes)
-
-
-@given(rows=st.integers(1, 6), columns=st.integers(1, 6), data=st.data())
-def test_each_gait_is_found_once_and_after_the_neighbour_that_it_begins_from(
-    rows: int, columns: int, data: st.DataObject
-) -> None:
-    first = data.draw(st.integers(0, rows - 1)), data.draw(st.integers(0, columns - 1))
-    found: list[tuple[int, int]] = []
-    for place, neighbour in outwards(first, (rows, columns)):
-        assert (neighbour is None) == (place == first)
-        if neighbour:
-            assert neighbour in found
-            assert abs(place[0] - neighbour[0]) + abs(place[1] - neighbour[1]) == 1
-        found.append(place)
-    assert sorted(found) == [(row, column) for row in range(rows) for column in range(columns)]
 
 
 @given(length=LENGTHS, at=st.integers(0, len(SLOPED.slopes) - 2), share=st.floats(0, 1))

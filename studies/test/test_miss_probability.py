@@ -1,12 +1,10 @@
 """The probability of a miss: what is seen of a walk's touchdowns, the fit, and how it is judged."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.evaluation import episode
-from rabbit_misses.model import MissModelError, MissProbability
+from rabbit_misses.model import MissProbability
 from rabbit_misses.study import FIT_SEED, JUDGE_SEED, Bin, judged, stormy_walks
 from rabbit_misses.touchdowns import FEATURES, Touchdowns
 from rabbit_sim.parameters import SimulationParameters
@@ -53,36 +51,6 @@ def test_the_mean_probability_is_the_rate_of_misses_in_what_was_fitted(seed: int
     """The likelihood's derivative by the bias, zero at the fit, is the sum of p less that of the misses."""
     rows, missed, _ = drawn(seed)
     assert MissProbability.fitted(rows, missed, "").at(rows).mean() == pytest.approx(missed.mean(), rel=1e-3)
-
-
-def test_a_fit_needs_misses() -> None:
-    rows, missed, _ = drawn(5)
-    with pytest.raises(MissModelError, match="0 misses: expected at least 12 to fit"):
-        MissProbability.fitted(rows, np.zeros_like(missed), "")
-
-
-def test_a_file_goes_there_and_back(tmp_path: Path) -> None:
-    model = fitted(6)
-    (tmp_path / "model.json").write_text(model.model_dump_json())
-    assert MissProbability.load(tmp_path / "model.json") == model
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"features": ("speed",)}, "features = ('speed',): expected"),
-        ({"weights": (1.0,)}, "weights = (1.0,): expected 17 finite numbers"),
-        ({"spread": (0.0,) * 17}, "expected positive numbers"),
-    ],
-)
-def test_a_bad_file_is_refused(change: dict[str, object], words: str, tmp_path: Path) -> None:
-    path = tmp_path / "model.json"
-    path.write_text(fitted(6).model_copy(update=change).model_dump_json())
-    with pytest.raises(MissModelError, match=r"model\.json") as caught:
-        MissProbability.load(path)
-    assert words in str(caught.value)
-    with pytest.raises(MissModelError, match="nowhere"):
-        MissProbability.load(tmp_path / "nowhere.json")
 
 
 def test_the_features_are_those_of_the_landings() -> None:

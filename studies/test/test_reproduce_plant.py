@@ -5,7 +5,7 @@ from pathlib import Path
 
 from rabbit_reproduce.commands.reproduce import app
 from rabbit_reproduce.controllers import CBF_CLF, RL_CBF_CLF, RL_CLF
-from rabbit_reproduce.table_lines import COLUMNS, MAIN, QUICK, RIGID, SEED, Line
+from rabbit_reproduce.table_lines import QUICK
 from rabbit_reproduce.training import SHIPPED, training_job, under
 from typer.testing import CliRunner
 
@@ -19,16 +19,6 @@ def test_it_takes_the_place_of_pybullet_alone() -> None:
     mujoco = CBF_CLF.assembly(plant="mujoco")
     assert SIZE.own(mujoco) is mujoco
     assert QUICK.own(usual) is usual
-
-
-def test_another_plant_is_no_column_twice() -> None:
-    assert [each.plant for each in SIZE.columns(COLUMNS)] == ["pybullet"] * 2  # which stands for rigid
-    assert QUICK.columns(COLUMNS) == list(COLUMNS)
-    assert replace(QUICK, beside=0).columns(COLUMNS) == [MAIN]
-    assert (SIZE.title(MAIN), QUICK.title(MAIN), QUICK.title(RIGID)) == ("rigid", "PyBullet", "rigid")
-    line = Line("", CBF_CLF.assembly())
-    assert line.scenario(SIZE).assembly.simulation.plant == "rigid"
-    assert line.scenario(SIZE).seed == SEED
 
 
 def test_trainings_are_on_it_and_stand_in_for_the_shipped_policies(tmp_path: Path) -> None:

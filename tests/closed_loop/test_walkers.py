@@ -67,13 +67,6 @@ def test_an_episode_is_done_after_its_impacts_and_failed_without_them():
     assert (late.outcome, late.impacts, len(late.moments)) == ("failed", 2, 30)
 
 
-def test_what_does_not_fit_is_named():
-    with pytest.raises(TaskError, match="impact: after has 1 components; expected 2"):
-        ball(impact=Impact(ca.SX(1), ca.SX(1)))
-    with pytest.raises(TaskError, match="impacts = 3: expected 1 or more, and an impact"):
-        ball(impact=None, impacts=3)
-
-
 def floating(walker, x):
     """q and q' (n,) of the whole robot, its stance foot at rest at the origin."""
     n = len(walker.coordinates)
@@ -259,8 +252,3 @@ def test_a_failure_names_its_limit(tmp_path):
     assert re.fullmatch(r"hip = 0\.9\d+: expected at least 2 m", ended.reason)
     write_ride(ended, tmp_path / "bag", None)
     assert recorded_ride(high, tmp_path / "bag").reason == ended.reason
-
-
-def test_an_episode_without_its_impacts_says_how_many_it_had():
-    late = Rider(ball(impacts=3, duration=1.5)).ride("nominal", 1)
-    assert late.reason == "impacts = 2: expected 3 in 1.5 s"

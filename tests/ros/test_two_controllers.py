@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from rabbit_bringup.launching.walk_report import line
 from rabbit_msgs.msg import Episode, TorqueCommand
-from rabbit_msgs.srv import ResetEpisode
 from rabbit_recording.checking import check_episodes
 from rabbit_sim.real_time import Source
 from std_srvs.srv import SetBool
@@ -93,20 +92,6 @@ def test_another_controller_does_not_go_on_for_a_killed_one(world: Any) -> None:
     assert second.controller == first.refused_controller
     own = {c.tick: c.torque for c in world.hear("torque") if c.episode == 2}
     np.testing.assert_array_equal(applied(world, 2), [own[tick] for tick in range(second.tick)])
-
-
-def test_a_controller_that_is_started_again_between_episodes_walks(world: Any) -> None:
-    begin(world, episodes=0)
-    world.go()
-    assert world.ask(ResetEpisode, "reset_episode", seed=5).success
-    first = ended(world, 1)
-    world.processes.kill(("controller",))
-    world.start("controller")
-    world.wait(lambda: len({s.sender for s in world.hear("controller_settings")}) == 2)
-    assert world.ask(ResetEpisode, "reset_episode", seed=5).success
-    second = ended(world, 2)
-    assert (second.outcome, second.tick) == (first.outcome, first.tick)
-    assert second.controller == world.hear("controller_settings")[-1].sender != first.controller
 
 
 @pytest.mark.parametrize("name", ["", "/mine 7"])

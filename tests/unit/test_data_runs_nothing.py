@@ -39,7 +39,6 @@ REFUSED = (
 RUNS_CODE = {"eval", "exec", "compile", "__import__"}
 RUNS_CODE |= {"pickle.load", "pickle.loads", "marshal.load", "marshal.loads", "joblib.load", "shelve.open"}
 RUNS_CODE |= {"yaml.load", "yaml.load_all", "yaml.unsafe_load", "yaml.full_load", "os.system", "os.popen"}
-YAML = "!!python/object/apply:pathlib.Path.touch [!!python/object/apply:pathlib.PosixPath [{mark}]]"
 
 
 class Bomb:
@@ -115,21 +114,6 @@ def test_pickles_are_refused(
     (tmp_path / name).write_bytes(arm(mark))
     with pytest.raises(REFUSED):
         read(tmp_path / name)
-
-
-@pytest.mark.parametrize(
-    "read",
-    [
-        lambda path: read_course(path, 1, 0.05),
-        load_gait,
-        controller.load_parameters,
-    ],
-)
-def test_yaml_makes_no_objects(read: Callable[[Path], object], tmp_path: Path, mark: Path) -> None:
-    path = tmp_path / "file.yaml"
-    path.write_text(YAML.format(mark=mark), encoding="utf-8")
-    with pytest.raises(REFUSED):
-        read(path)
 
 
 @pytest.mark.parametrize(

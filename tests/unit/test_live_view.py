@@ -57,16 +57,6 @@ def test_stones_lie_where_the_film_has_them(walk: WalkRecords) -> None:
         np.testing.assert_allclose(edges(walk, row), expected, atol=5e-3)  # each landing yields a millimetre
 
 
-def test_a_viewer_that_came_late_draws_the_stones_it_knows_of(walk: WalkRecords) -> None:
-    row = int(walk.step_starts[2])
-    assert edges(walk, row, slice(-1, None)) == edges(walk, row)[-2:]
-
-
-def test_flat_ground_lies_under_the_foot(walk: WalkRecords) -> None:
-    ((near, far),) = edges(walk, 3, slice(0), sees=False)
-    assert near < feet(walk.q[3:4])[0, 0, 0] < far
-
-
 def test_frames_carry_the_links_to_where_the_feet_are(walk: WalkRecords) -> None:
     state = state_at(walk, 3)
     for q in RNG.uniform(-1, 1, (10, 7)):

@@ -245,11 +245,6 @@ def test_what_is_wrong_at_the_door_is_one_clear_error(solver: str, changes: dict
     assert tick(**right).u == pytest.approx(before, abs=0)
 
 
-def test_a_parameter_that_is_not_given_is_named() -> None:
-    with pytest.raises(ValueError, match="parameters: eps, wall missing; expected wall, speed, eps"):
-        cart_tick()([0.0, 0.0], **{name: value for name, value in DEFAULTS.items() if name not in ("wall", "eps")})
-
-
 def test_a_matrix_is_a_parameter() -> None:
     """Row by row, as numpy has it."""
     x, u, A = ca.SX.sym("x", 2), ca.SX.sym("u", 2), ca.SX.sym("A", 2, 2)
@@ -306,19 +301,6 @@ def test_a_decoupling_that_is_singular_is_not_solved() -> None:
     decided = tick([0.0])
     assert (decided.solved, decided.status) == (False, "data not valid")
     assert tick([0.5]).solved
-
-
-def test_what_can_be_read() -> None:
-    """The state of a barrier, its initial values, and what was asked for."""
-    cart = System(ca.vertcat(X, V), U, ca.vertcat(V, U))
-    tick = Tick(cart, [Barrier("wall", 1 - X, poles=(2, 3))], reads={"energy": V**2 / 2})
-    read = tick.look(np.array([0.25, 0.5]), np.zeros(0))
-    assert read.wall_state == pytest.approx([0.75, -0.5])
-    assert read.wall_initial == pytest.approx([0.75, -0.5 + 2 * 0.75])
-    assert read.energy == pytest.approx([0.125])
-    assert (read.nominal_a, read.nominal_b) == (pytest.approx(np.array([[-1.0]])), pytest.approx([0.0]))
-    with pytest.raises(AttributeError, match="no value speed: expected one of nominal_a"):
-        _ = read.speed
 
 
 def test_a_reset_forgets_the_last_programme() -> None:

@@ -16,9 +16,8 @@ from rabbit_description.gait import load_gait
 from rabbit_recording.active_settings import Settings
 from rabbit_recording.bag_writer import BagWriter
 from rabbit_recording.commands.bag import app
-from rabbit_recording.contents import contents
 from rabbit_recording.episode_inventory import BY_TICK, UNANSWERED, Presence
-from rabbit_recording.message_header import FIRST_WORD, SimulatedTime, episode_and_phase_of, nanoseconds_of
+from rabbit_recording.message_header import SimulatedTime
 from rabbit_recording.reader import iterate_inventories
 from recorded_walk import (
     LATCHED,
@@ -143,22 +142,6 @@ def arrive(past: list[tuple[int, Sent]], live: list[tuple[int, Sent]], rng: rand
     return mixed + live[12:]
 
 
-class FormerTime:
-    """As recorders did: any first word behind something else was another simulator's."""
-
-    def __init__(self) -> None:
-        self.began = self.at = self.newest = 0
-
-    def of(self, topic: str, publisher: str, data: bytes) -> int:
-        """Where it was stored."""
-        if topic == "episode" and episode_and_phase_of(data) == FIRST_WORD and self.newest:
-            self.began = self.at = self.newest + TICK_NS
-        if nanoseconds_of(data):
-            self.at = self.began + nanoseconds_of(data)
-            self.newest = max(self.newest, self.at)
-        return self.at
-
-
 def record(path: Path, arrived: Iterable[tuple[int, Sent]], times: Any = None) -> None:
     """As the recorder does."""
     times = times or SimulatedTime(path)
@@ -264,26 +247,6 @@ def test_recorded_announced_and_lost_are_told_apart(tmp_path: Path, templates: T
     assert read == holds
 
 
-@pytest.mark.parametrize("seed", [9, 94])
-def test_a_tick_lost_while_history_comes_in(tmp_path: Path, templates: Templates, seed: int) -> None:
-    walked, part = ([7], False, [1]), (0.1, 0.72)
-    read, holds = read_and_expected(tmp_path / "bag", templates, walked, part, 0.02, random.Random(seed))
-    assert read == holds
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_recordings_of_former_versions_are_read_as_well(tmp_path: Path, templates: Templates, seed: int) -> None:
-    """Begun in episode 3: the history comes in between, and its first word moved what followed."""
-    graph = Graph(templates)
-    graph.start()
-    for _ in range(4):
-        graph.walk(8)
-    first = next(i for i, each in enumerate(graph.sent) if (each.episode, each.tick) == (3, 2))
-    past, live = history(graph.sent, first), list(enumerate(graph.sent))[first:]
-    record(tmp_path / "bag", arrive(past, live, random.Random(seed)), FormerTime())
-    assert found(tmp_path / "bag") == in_short(expected(graph.sent, {i for i, _ in live}, {i for i, _ in past}))
-
-
 def test_messages_of_somebody_else_make_no_episodes(tmp_path: Path, templates: Templates) -> None:
     """States of another episode or tick than their time's, and a first word, in the middle of a walk."""
     graph = Graph(templates)
@@ -326,15 +289,6 @@ def test_a_controller_started_again_holds_from_the_next_episode_on() -> None:
     assert in_force(told_so_far, 4) == [(0, 0.3)]
 
 
-def test_settings_that_come_as_history_hold_from_the_beginning() -> None:
-    """The first states of episode 3 came before them; the controller had lived through another simulator."""
-    told_so_far = Settings()
-    for episode, tick, eps in ((0, 0, 0.1), (7, 5, 0.2), (1, 0, 0.3), (1, 9, 0.4)):
-        told_so_far.add(told_settings(episode, tick, eps), (3, 7))
-    assert in_force(told_so_far, 3) == [(0, 0.4)]
-    assert in_force(told_so_far, 7) == [(0, 0.4)]
-
-
 @pytest.fixture
 def late(tmp_path: Path, walk: Walk) -> Path:
     """The walk as episode 3 from tick 40 on and as episode 4, recorded late: settings and policy are history."""
@@ -373,15 +327,3 @@ def test_check_replays_what_begins_and_says_why_not_the_rest(late: Path, walk: W
         f"episode 4: {n} ticks, 0 lost, {n} replayed, torques identical",
     ]
     assert done.exit_code == 0
-
-
-def test_info_lists_what_was_recorded_and_names_what_was_announced(late: Path, walk: Walk) -> None:
-    recorded = contents(late)
-    there = [e for e in recorded.episodes if e.presence is Presence.RECORDED]
-    n = len(walk.records)
-    assert [(e.number, e.first, e.last, e.recorded, e.lost) for e in there] == [
-        (3, LATE, n - 1, n - LATE, 0),
-        (4, 0, n - 1, n, 0),
-    ]
-    assert recorded.seconds == pytest.approx((2 * n + 1 - LATE) * TICK_NS / 1e9)
-    assert "announced only, no tick in the recording: 1, 2" in CliRunner().invoke(app, ["info", str(late)]).output
