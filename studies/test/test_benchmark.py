@@ -1,7 +1,6 @@
 """The benchmark: its statistics, its cells and storm, methods of someone else, and a run that goes on."""
 
 import csv
-from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 
@@ -10,14 +9,12 @@ from rabbit_benchmark.cells import TERRAINS, Map, Terrain, cells, chosen, storm,
 from rabbit_benchmark.commands.benchmark import app
 from rabbit_benchmark.comparison import holm, paired
 from rabbit_benchmark.families import Split, families
-from rabbit_benchmark.methods import BUILT_IN, method, variants
+from rabbit_benchmark.methods import BUILT_IN, method
 from rabbit_benchmark.protocol import SEEDS, Protocol, plan
 from rabbit_benchmark.report import Benchmark
-from rabbit_benchmark.table import BenchmarkRow, Table, by_course
 from rabbit_experiments.cache import Cache
 from rabbit_experiments.engine import run
 from rabbit_sim.parameters import SimulationParameters
-from rl_cbf_clf_controller.parameters import load_parameters
 from typer.testing import CliRunner
 
 TINY = Protocol(courses=1, stones=1)
@@ -45,23 +42,6 @@ def test_holm_multiplies_the_least_by_all_and_never_decreases() -> None:
     assert holm([0.01, 0.04, 0.03]) == pytest.approx([0.03, 0.06, 0.06])
     assert holm([0.9, 0.8]) == [1, 1]
     assert holm([]) == []
-
-
-def test_a_table_gives_its_comparisons_again(tmp_path: Path) -> None:
-    ended = {"one": [True] * 5 + [True, False], "other": [False] * 5 + [True, False]}
-    rows = [
-        BenchmarkRow(method=name, cell=cell, walked=sum(each), courses=len(each), by_course=by_course(each))
-        for cell in ("a", "b")
-        for name, each in ended.items()
-    ]
-    old = [BenchmarkRow(method=name, cell="c", walked=3, courses=7) for name in ("one", "other")]
-    blank = BenchmarkRow(method="one", cell="d", reason="no controller for d")
-    Table([*rows, *old, blank]).write(tmp_path / "table.csv")
-    table = Table.read(tmp_path / "table.csv")
-    assert table.paired("one", "other", ["a", "b", "d"]) == paired(ended["one"] * 2, ended["other"] * 2)
-    assert table.paired("one", "other", ["a", "c"]) is None, "an old row does not say how each course ended"
-    assert table.walked_more("other") == {"a": ["one"], "b": ["one"]}
-    assert table.walked_more("one") == {}
 
 
 def test_every_cell_is_a_plant() -> None:
@@ -141,18 +121,6 @@ def test_a_plant_of_a_family_is_drawn_by_its_seed_within_its_ranges() -> None:
             SimulationParameters.model_validate(plant)
 
 
-def test_a_variant_of_a_method_has_its_parameters_and_a_name_of_its_own() -> None:
-    found = variants("nominal-pd:eps=0.02,0.03:gait=slopes")
-    assert [each.name for each in found] == ["nominal-pd:eps=0.02:gait=slopes", "nominal-pd:eps=0.03:gait=slopes"]
-    for each, eps in zip(found, (0.02, 0.03), strict=True):
-        for terrain in TERRAINS:
-            contender = each.on(terrain)
-            assert contender is not None
-            own = contender.assembly().controller
-            assert (own.eps, own.gait, own.objective) == (eps, "slopes", "pd_centred")
-    assert variants("best") == [method("best")]
-
-
 @pytest.mark.parametrize("terrain", TERRAINS)
 @pytest.mark.parametrize("where", get_args(Map))
 def test_the_nominal_method_at_its_best_estimates_and_learned_nothing_on_any_map(where: Map, terrain: Terrain) -> None:
@@ -173,21 +141,3 @@ def test_nothing_is_tuned_on_reported_families(terrain: Terrain) -> None:
     tuned = method("nominal-tuned")
     assert tuned.on(terrain, "unseen") == tuned.on(terrain, "reported") == tuned.on(terrain, "development")
     assert tuned.on(terrain, "storm-2") == tuned.on(terrain, "storm")
-
-
-def test_a_cell_is_walked_with_the_parameters_of_its_map() -> None:
-    base = method("nominal-pd")
-    own = replace(base, tuned={("outside", "flat"): {"eps": 0.011}})
-    eps = {
-        cell.map: TINY.walks(own, cell)[0].assembly.controller.eps
-        for cell in chosen(["flat/scale-1", "flat/scale-2-slope-1"])
-    }
-    (usual,) = (TINY.walks(base, cell)[0].assembly.controller.eps for cell in chosen(["flat/scale-1"]))
-    assert eps == {"inside": usual, "outside": 0.011}
-
-
-def test_the_nominal_method_at_its_best_is_the_parameter_file_inside() -> None:
-    for terrain in TERRAINS:
-        contender = method("nominal-tuned").on(terrain, "inside")
-        assert contender is not None
-        assert contender.assembly().controller == load_parameters("nominal_tuned", terrain)

@@ -20,7 +20,7 @@ from rabbit_gait_design.orbit import Orbit
 from rabbit_gait_design.pinocchio_model import PinocchioModel
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.robot_numbers import read_robot
-from rl_cbf_clf_controller.step_landing import DEPTH, LATE, Legs, descent, landing_at
+from rl_cbf_clf_controller.step_landing import Legs, descent, landing_at
 from rl_cbf_clf_controller.step_paths import GaitExpressions, Shape, StepPath, gait_row
 from rl_cbf_clf_controller.virtual_constraints import RABBIT_ANGLES, VirtualConstraints, gradual_line
 
@@ -32,7 +32,6 @@ CONTENT: dict[str, Any] = read_mapping(LIBRARIES / f"{NAME}.yaml")
 LENGTHS = st.floats(LIBRARY.lengths[0], LIBRARY.lengths[-1])
 SLOPED = load_gaits("slopes")
 assert isinstance(SLOPED, GaitLibrary)
-SLOPES = st.floats(SLOPED.slopes[0], SLOPED.slopes[-1])
 MODEL, ROBOT, PARAMETERS = PinocchioModel(), read_robot(), ControllerParameters()
 
 
@@ -145,11 +144,6 @@ def test_a_library_of_one_gait_is_that_gait() -> None:
     np.testing.assert_array_equal(library.x_start, gait.x_start)
 
 
-def test_an_episode_begins_with_the_start_s_gait() -> None:
-    start = LIBRARY.gaits[LIBRARY.lengths.index(LIBRARY.start_length)]
-    np.testing.assert_array_equal(LIBRARY.x_start, start.x_start)
-
-
 @pytest.mark.parametrize("gait", SHIPPED, ids=lambda gait: gait.name)
 def test_each_gait_keeps_its_specification(gait: Gait) -> None:
     spec, figures = GaitSpecification(**gait.metadata["specification"]), Orbit(gait).figures()
@@ -196,11 +190,6 @@ def test_a_bad_library_is_refused(content: dict[str, Any], words: str, tmp_path:
     assert words in str(caught.value)
 
 
-def test_a_file_goes_there_and_back(tmp_path: Path) -> None:
-    LIBRARY.save(tmp_path / "again.yaml")
-    assert load_gaits(tmp_path / "again.yaml") == LIBRARY
-
-
 def test_specifications_follow_the_length() -> None:
     base = GaitSpecification(name="lib", step_length=0.35, speed=0.8)
     ((short, middle, long),) = library_specifications(base, [0.2, 0.35, 0.6], speed_slope=0.4)
@@ -221,44 +210,10 @@ def test_between_two_slopes_all_is_linear(length: float, at: int, share: float) 
     )
 
 
-@pytest.mark.parametrize("gait", SLOPED.gaits, ids=lambda gait: gait.name)
-def test_the_grid_s_own_lengths_and_slopes_are_its_own_gaits(gait: Gait) -> None:
-    found = SLOPED_PATHS.found(gait.step_length, gait.step_length, gait.slope)
-    np.testing.assert_allclose(found.coeffs, gait.coeffs, atol=1e-14)
-    rate = float(RABBIT_ANGLES.phase_angle @ gait.dq_start)
-    assert float(found.rate[0]) == pytest.approx(rate)
-
-
 def landed_foot(path: Any) -> tuple[Array, float]:
     """Where the swing foot is at the end of a path, from the stance foot, and the pitch there."""
     q = np.append(np.zeros(2), RABBIT_ANGLES.coordinates(path.coeffs[:, -1], path.phase_angle_end))
     return MODEL.update(q, np.zeros(7)).swing, q[2]
-
-
-@given(length=LENGTHS, slope=SLOPES, height=st.floats(-0.15, 0.15))
-def test_a_path_to_a_stone_ends_at_its_height(length: float, slope: float, height: float) -> None:
-    level, path = SLOPED_PATHS(length, length, slope), SLOPED_PATHS(length, length, slope, height)
-    (foot, pitch), (level_foot, level_pitch) = landed_foot(path), landed_foot(level)
-    np.testing.assert_allclose(foot, level_foot + (0.0, height), atol=1e-9)
-    assert pitch == pytest.approx(level_pitch, abs=1e-12)
-    np.testing.assert_array_equal(path.coeffs[:, :3], level.coeffs[:, :3])
-    knees = path.coeffs[[1, 3], -1] - level.coeffs[[1, 3], -1]
-    if abs(height) > 1e-3:
-        assert knees[0 if height < 0 else 1] > 0, "the leg that meets the stone is shorter, its knee more flexed"
-        assert abs(knees[1 if height < 0 else 0]) < 1e-14
-
-
-@given(length=LENGTHS, slope=SLOPES, height=st.floats(-0.04, 0.04))
-def test_a_foot_that_finds_no_ground_goes_straight_down(length: float, slope: float, height: float) -> None:
-    """By joints that move in proportion to the phase, and with the pitch of the landing."""
-    path, found = (each(length, length, slope, height) for each in (SLOPED_PATHS, SLOPED_PATHS.found))
-    foot, pitch = landed_foot(path)
-    along_the_end = 5 * (path.coeffs[:, -1] - path.coeffs[:, -2])
-    later = path.phase_angle_end + LATE * (path.phase_angle_end - path.phase_angle_start)
-    controlled = path.coeffs[:, -1] + LATE * (along_the_end + found.descent)
-    below = np.append(np.zeros(2), RABBIT_ANGLES.coordinates(controlled, later))
-    np.testing.assert_allclose(MODEL.update(below, np.zeros(7)).swing, foot - (0.0, DEPTH), atol=1e-3)
-    assert below[2] == pytest.approx(pitch, abs=1e-3)
 
 
 def line_at(x: float) -> tuple[float, ...]:

@@ -18,7 +18,6 @@ from rabbit_rivals.joint_targets import (
     KD,
     KP,
     REACH,
-    READS,
     JointTargetController,
     Memory,
     NetworkAbout,
@@ -167,48 +166,6 @@ def test_the_history_is_of_this_episode_the_newest_last() -> None:
 
 def fleet(terrain: str, action: float, robots: int = 4) -> JointTargetFleet:
     return JointTargetFleet(terrain, robots, lambda reads: np.full((len(reads), ACTIONS), action), [1, 2])
-
-
-def test_a_landing_is_worth_the_more_the_nearer_the_middle() -> None:
-    def landed(terrain: str, l: float) -> float:  # noqa: E741
-        landing = SimpleNamespace(l=l, l_min=0.35, l_max=0.40, missed=not 0.35 <= l <= 0.40)
-        return fleet(terrain, 0.0).step_reward(SimpleNamespace(landings=[landing]))
-
-    assert landed("stones", 0.375) == 1.0
-    assert landed("stones", 0.375 - 0.02) == pytest.approx(0.5 + 0.5 * np.exp(-0.25))
-    assert landed("stones", 0.41) == 0.0
-    assert landed("flat", 0.2) == 1.0
-
-
-def test_a_fall_costs_one_and_a_step_on_flat_ground_gives_one() -> None:
-    """Beside them a tick is worth little, so that the rest can be rounded away."""
-    own = fleet("flat", 1.0)
-    found = own.walk(200)
-    assert found.reads.shape == (201, 4, READS)
-    assert found.failed.any()
-    steps = sum(steps for _, steps in own.ends) + own._steps.sum()
-    assert np.rint(found.reward).sum() == steps - found.failed.sum()
-    assert np.abs(found.reward - np.rint(found.reward)).max() < 0.05
-
-
-def test_an_action_that_stays_costs_its_change_once_in_an_episode() -> None:
-    """The reference, the torques and the change, priced by hand."""
-
-    def worth(found, change: float):
-        y, torque = found.scene.seen.eta[:, :4], found.torque / 200
-        per_tick = 0.02 * np.exp(-(y**2).mean(axis=1) / 0.01) - 0.004 * (torque**2).mean(axis=1)
-        return pytest.approx(per_tick - 0.004 * change**2)
-
-    own = fleet("flat", 0.5)
-    for change in (0.5, 0.0, 0.0):
-        found = own.command(own._batch.states)
-        assert found.reward == worth(found, change)
-        own._batch.step(found.torque)
-    for robot in range(4):
-        own._batch.restart(robot, own._batch.simulations[robot], robot)
-        own.controller.reset(robot, robot)
-    found = own.command(own._batch.states)
-    assert found.reward == worth(found, 0.5)
 
 
 class Witnessed(TaughtFleet):

@@ -1,18 +1,14 @@
 """`--retrain`: trained once by content, in place of what is shipped; the log of episodes; episodes needed."""
 
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 from rabbit_description.gait import load_gaits
-from rabbit_experiments.conditions import POLICY
 from rabbit_experiments.training_setup import training
 from rabbit_reproduce.catalogue import EXPERIMENTS
 from rabbit_reproduce.catalogue.learning_curves import first_whole, sessions, settled
-from rabbit_reproduce.controllers import CBF_CLF, RL_CBF_CLF, RL_CLF
 from rabbit_reproduce.experiment import Experiment
-from rabbit_reproduce.table_lines import FULL, QUICK, Line
+from rabbit_reproduce.table_lines import FULL
 from rabbit_reproduce.training import (
     SHIPPED,
     Episode,
@@ -21,9 +17,8 @@ from rabbit_reproduce.training import (
     recipes,
     retrain,
     training_job,
-    under,
 )
-from rl_cbf_clf_controller.uncertainty import IO_RL_CLF_QP, PAPER, RL_CLF_QP
+from rl_cbf_clf_controller.uncertainty import PAPER, RL_CLF_QP
 from rl_cbf_clf_controller.weights import policy_path, read
 from rl_trainer.checkpoint import CheckpointError
 from rl_trainer.parameters import TrainingParameters
@@ -56,15 +51,6 @@ def test_a_training_is_made_once_and_logged(tmp_path: Path, monkeypatch: pytest.
     assert retrain([ONE], tmp_path, 1) == trained
 
 
-@pytest.mark.parametrize(
-    "changes", [{"seed": 5}, {"problem": IO_RL_CLF_QP}, {"episodes": 2}], ids=lambda changes: next(iter(changes))
-)
-def test_another_training_has_another_folder(changes: dict[str, Any]) -> None:
-    other = replace(ONE, parameters=PARAMETERS.model_copy(update=changes))
-    assert other.folder != ONE.folder == replace(ONE, title="another title").folder
-    assert training_job(PARAMETERS, mass_scale=0.7).folder != ONE.folder
-
-
 @pytest.mark.parametrize("what", ["gait", "plant", "made_with.json"])
 def test_a_training_does_not_go_on_with_another_robot_or_gait(tmp_path: Path, what: str) -> None:
     gait = tmp_path / "gait.yaml"
@@ -83,16 +69,6 @@ def test_a_training_does_not_go_on_with_another_robot_or_gait(tmp_path: Path, wh
         told = what
     with pytest.raises(CheckpointError, match=f"begun with another .*{told}"), training(out, PARAMETERS, tuning, plant):
         pass
-
-
-def test_trained_policies_stand_in_for_the_shipped_ones(tmp_path: Path) -> None:
-    made = SHIPPED["rl-cbf-clf-qp"]
-    size = replace(QUICK, trained=under(tmp_path, [made]))
-    learned, other, nominal = (each.assembly() for each in (RL_CBF_CLF, RL_CLF, CBF_CLF))
-    assert size.own(learned) == replace(learned, policy=str(replace(made, root=tmp_path).folder / POLICY))
-    assert (size.own(other), size.own(nominal)) == (other, nominal)
-    assert Line("", learned).scenario(size).assembly.policy == size.own(learned).policy
-    assert QUICK.own(learned) is learned
 
 
 @pytest.mark.parametrize("quick", [True, False])

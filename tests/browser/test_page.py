@@ -5,11 +5,10 @@ import os
 import re
 import subprocess
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
-from urllib.parse import parse_qsl
 
 import pytest
 from chromium import Chromium, Page
@@ -272,40 +271,6 @@ def test_every_setting_reaches_the_walk(chromium: Chromium, played: str) -> None
     check_requests(page)
 
 
-def test_three_browsers_see_the_same_and_a_link_brings_the_same_walk(chromium: Chromium, played: str) -> None:
-    one, two = (chromium.open(played) for _ in range(2))
-    for page in (one, two):
-        page.wait(DRAWN)
-    one.drag("#payload", 0.1)
-    one.wait("rabbit.controls.state.settings.payload > 0")
-    one.click("#reset")
-    one.wait("rabbit.state.walk.length < 50")
-    one.wait("rabbit.state.walk.walkers[0].stones.length > 5")
-    one.click("#pause")
-    two.wait("rabbit.controls.state.paused")
-    three = chromium.open(played)
-    three.wait("rabbit.state.pictures && rabbit.controls.state")
-    rows = one.look("rabbit.state.walk.length")
-    hips = "Array.from({length: rabbit.state.walk.length}, (_, i) => rabbit.state.walk.walkers[0].get(i, 'hip_x'))"
-    for page in (two, three):
-        page.wait(f"rabbit.state.walk.length === {rows}")
-        assert page.look(hips) == one.look(hips)
-    link, walked = one.look("location.href"), one.look(hips)
-    assert dict(parse_qsl(link.partition("#")[2])).keys() == {"payload", "stones"}  # what differs from the default
-    served = Served("play", "--seed", "5", "--first", "oracle")
-    try:
-        there = chromium.open(served.address + "/" + link[link.index("#") :])
-        there.wait(f"rabbit.state.walk.about.title === 'course 40' && rabbit.state.walk.length >= {rows}")
-        assert there.look(hips)[:rows] == walked
-        there.look("location.hash = '#seed=7&options=--plant+mujoco'")  # another link, pasted
-        there.wait("rabbit.state.walk.about.title === 'course 7'")
-        assert "--plant mujoco" in there.look("document.querySelector('#notice').textContent")
-    finally:
-        assert served.end() == 0
-    for page in (one, two, three, there):
-        check_requests(page)
-
-
 def test_a_saved_walk_opens_from_disk_without_a_network(chromium: Chromium, tmp_path: Path) -> None:
     path = tmp_path / "walk.html"
     subprocess.run([*RABBIT, "play", "--stones", "6", "--export", str(path)], check=True, timeout=300)
@@ -351,31 +316,3 @@ def test_a_run_is_served_with_a_time_line(chromium: Chromium, tmp_path: Path) ->
         check_requests(page)
     finally:
         assert served.end() == 0
-
-
-def test_a_recorded_tick_is_explained(chromium: Chromium, write_bag: Callable[..., Path], tmp_path: Path) -> None:
-    served = Served("bag", "show", str(write_bag(tmp_path / "bag")))
-    try:
-        page = chromium.open(served.address)
-        page.wait("rabbit.state.pictures > 5")
-        page.drag("#time", 0.5)
-        page.wait("!document.querySelector('#why').hidden")
-        tick = page.look("rabbit.state.walk.walkers[0].get(rabbit.clock.row, 'tick')")
-        assert f", tick {tick} " in page.look("document.querySelector('#why pre').textContent")
-        check_requests(page)
-    finally:
-        assert served.end() == 0
-
-
-def test_a_small_window_shows_everything_below_one_another(chromium: Chromium, played: str) -> None:
-    page = chromium.open(played, width=400, height=700, dark=True)
-    page.wait(DRAWN)
-    assert page.look("document.documentElement.dataset.theme") == "dark"
-    assert page.look("document.documentElement.scrollWidth") <= 400
-    lefts = page.look(
-        "['stage', 'controls', 'plots'].map((id) => document.getElementById(id).getBoundingClientRect().x)"
-    )
-    assert len(set(lefts)) == 1
-    page.drag("#mass_scale", 0.9)
-    page.wait("rabbit.controls.state.settings.mass_scale > 2.5")
-    check_requests(page)

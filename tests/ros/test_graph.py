@@ -15,7 +15,7 @@ from rabbit_common.ros.conversions import preview_of, state_of
 from rabbit_description.gait import load_gait
 from rabbit_description.state import TICK_SECONDS
 from rabbit_msgs.msg import Episode, PolicyWeights, TorqueCommand
-from rabbit_msgs.srv import LoadPolicy, ResetEpisode
+from rabbit_msgs.srv import ResetEpisode
 from rcl_interfaces.srv import DescribeParameters, SetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter
 from rl_cbf_clf_controller.controller import Controller
@@ -175,20 +175,6 @@ def test_a_dead_controller_ends_the_episode_and_a_new_one_walks(world: Any) -> N
     assert episodes[-1].outcome == "walked"
 
 
-def test_a_walk_without_its_pace_goes_on(world: Any) -> None:
-    """While a tick's torque is there and waits for its time, no other message would come to wake the simulator."""
-    commands, episodes = world.hear("torque"), world.hear("episode")
-    world.start("simulator", pace=0.01, **SHORT)
-    world.start("controller")
-    world.go()
-    world.wait(lambda: bool(commands))
-    world.spin(0.2)
-    free = Parameter("pace", value=0.0).to_parameter_msg()
-    assert world.ask(SetParameters, "simulator/set_parameters", parameters=[free]).results[0].successful
-    world.wait(ended(episodes))
-    assert episodes[-1].outcome == "walked"
-
-
 def test_real_time_goes_by_the_wall_clock(world: Any) -> None:
     """Whether or not anybody answers: the test plays a controller that answers once, and the robot may collapse."""
     states, episodes = world.hear("state"), world.hear("episode")
@@ -203,28 +189,6 @@ def test_real_time_goes_by_the_wall_clock(world: Any) -> None:
     world.wait(lambda: states[-1].tick >= first + 50 or ended(episodes)())
     walked = TICK_SECONDS * (states[-1].tick - first)
     assert time.monotonic() - begun >= 0.7 * walked  # less than 1 by what a busy machine delivers late
-
-
-def test_a_node_takes_another_name(world: Any) -> None:
-    """`-r __node:=NAME` renames the node; its process has no second one of that name, and none that is not hidden."""
-    world.start("controller", arguments=("-r", "__node:=brain", "-r", "policy:=weights"))
-    world.start("viewer", arguments=("-p", "port:=0", "-r", "__node:=eye", "-r", "state:=body"))
-    names = {"brain", "eye", "_eye_ticks", "test"}
-
-    def there() -> list[str]:
-        return sorted(n for n, at in world.node.get_node_names_and_namespaces() if at == f"/{world.namespace}")
-
-    world.wait(lambda: there() == sorted(names))
-    world.wait(lambda: readers(world, "weights") == ["brain"])
-    world.wait(lambda: readers(world, "body") == ["_eye_ticks"])
-    world.wait(lambda: sorted(readers(world, "state")) == ["brain"])
-    assert not world.ask(LoadPolicy, "load_policy", policy="/dev/zero").success
-
-
-def readers(world: Any, topic: str) -> list[str]:
-    """Nodes that subscribe to a topic of the world's namespace."""
-    found = world.node.get_subscriptions_info_by_topic(f"/{world.namespace}/{topic}")
-    return [end.node_name for end in found]
 
 
 def test_parameters_are_described_bounded_and_read_only(world: Any) -> None:

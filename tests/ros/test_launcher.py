@@ -225,14 +225,6 @@ def test_a_graph_that_was_started_node_by_node_is_not_walked_into(tmp_path: Path
     assert "simulator publishes /" in line
 
 
-def test_run_finds_executables_as_ros2_run_does() -> None:
-    done = rabbit("run", "rabbit_sim", "simulator", "--ros-args", "-p", "mass_scale:=99.0")
-    assert done.returncode == 2
-    assert "mass_scale" in done.stderr
-    assert "it has: simulator" in rabbit("run", "rabbit_sim", "nobody").stderr
-    assert "package nowhere" in rabbit("run", "nowhere", "nobody").stderr
-
-
 def test_nodes_walk_again_under_the_parameters_that_a_walk_has_left(tmp_path: Path, world: Any) -> None:
     """Without a launcher: nobody lets the simulator begin, and it does not take the first walk for its own."""
     folder = tmp_path / "walk"

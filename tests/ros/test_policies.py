@@ -177,20 +177,6 @@ def test_when_policies_take_effect(world: Any, tmp_path: Path, swap_at: str) -> 
     assert f"policy {answer.version} of {tmp_path}/two.safetensors in force from tick " in log
 
 
-def test_never_hears_no_published_policy(world: Any, tmp_path: Path) -> None:
-    commands, swaps = world.hear("torque"), world.hear("policy_swap")
-    policy(1).write(tmp_path / "one")
-    world.start("simulator", episodes=0, **SHORT)
-    world.start("controller", swap_at="never", **PARAMETERS.model_dump())
-    world.go()
-    assert world.node.count_subscribers(f"/{world.namespace}/policy") == 0
-    assert world.ask(LoadPolicy, "load_policy", policy=str(tmp_path / "one")).success
-    assert world.ask(ResetEpisode, "reset_episode", seed=1).success
-    world.wait(lambda: bool(commands))
-    assert commands[0].policy_version == policy(1).version
-    assert [swap.accepted for swap in swaps] == [True, True]
-
-
 def planned(world: Any, version: str) -> None:
     """A simulator that follows plans, a controller, and a plan of episode 1 with this policy."""
     world.start("simulator", trainer="follow", **SHORT)

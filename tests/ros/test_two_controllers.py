@@ -146,21 +146,3 @@ def test_in_real_time_the_torques_of_one_act(world: Any) -> None:
     answered = [t.tick for t in timing if t.source == Source.ANSWER]
     assert answered
     np.testing.assert_array_equal(applied(world, 1)[answered], [own[tick] for tick in answered])
-
-
-def test_the_trainer_learns_from_the_one_that_walks(world: Any) -> None:
-    transitions = world.hear("transition")
-    begin(world, pace=1.0, trainer="wait")
-    world.start("trainer")
-    world.go()
-    world.wait(lambda: len(world.hear("state")) > 20)
-    start_other(world)
-    end = ended(world, 1)
-    world.wait(lambda: bool(transitions) and transitions[-1].tick == end.tick - 1)
-    own = {d.tick: d for d in world.hear("controller_state") if d.sender == end.controller}
-    terms = {d.tick: d for d in world.hear("learner_terms") if d.sender == end.controller}
-    assert any(d.sender == end.refused_controller for d in world.hear("controller_state"))
-    assert [t.tick for t in transitions] == list(range(end.tick))
-    for transition in transitions:
-        np.testing.assert_array_equal(transition.mu, own[transition.tick].mu)
-        np.testing.assert_array_equal(transition.alpha, terms[transition.tick].alpha)

@@ -10,10 +10,9 @@ from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.evaluation import record_walk
 from rabbit_experiments.walk_records import ARRAYS, RECORDS, WalkRecords, load_records, save_records
 from rabbit_sim.parameters import SimulationParameters
-from rabbit_viewer.geometry import fall_of, feet, stone_spans
+from rabbit_viewer.geometry import feet, stone_spans
 from rabbit_viewer.pictures import swing_foot
-from rabbit_viewer.scene import SIZE, Scene
-from rabbit_viewer.video import film
+from rabbit_viewer.scene import Scene
 from rabbit_viewer.walk_pictures import draw_pictures
 from rl_cbf_clf_controller.parameters import load_parameters
 
@@ -62,21 +61,6 @@ def test_every_picture_opens(controller: str, count: int, tmp_path: Path) -> Non
     assert len(pictures) == count
     for picture in pictures:
         assert imageio.imread(picture).std() > 1  # not blank
-
-
-def test_two_walks_are_filmed_side_by_side_and_a_fall_slowly(tmp_path: Path) -> None:
-    """Twice the mass: the nominal robot falls, and the film has at least four frames for one of real time there."""
-    plant = SimulationParameters(mass_scale=2.0, stones=4, fall_height=0.2, fall_pitch=2.0, stop_at_miss=False)
-    own = load_parameters("ours", controller="cbf-clf-qp")
-    falling, standing = (record_walk(Assembly(plant, own, policy), seed=1) for policy in ("zero", "oracle"))
-    first = fall_of(falling)
-    assert first is not None
-    assert fall_of(standing) is None
-    video, _ = film([standing, falling], tmp_path / "walk.mp4", gif=True)
-    frames = imageio.imread(video, plugin="FFMPEG")
-    assert frames.shape[1:] == (SIZE[1], 2 * SIZE[0], 3)
-    slow = len(falling.tick) - first
-    assert len(frames) >= (len(standing.tick) + 3 * slow) / 4  # a tick is 10 ms, a frame 40
 
 
 def test_a_slope_is_drawn_as_steep_as_it_is(walk: WalkRecords) -> None:

@@ -9,7 +9,6 @@ from own_systems.commands.system import app
 from own_systems.episode import Rider
 from own_systems.loading import load_task
 from own_systems.training import train
-from rabbit_bringup.cli import app as rabbit
 from typer.testing import CliRunner
 
 BALL = Path(__file__).resolve().parents[2] / "examples" / "ball_on_beam.py"
@@ -54,22 +53,6 @@ def test_an_error_in_a_task_names_file_and_line(tmp_path: Path, old: str, new: s
     assert result.exit_code == 2
     assert result.output.count("\n") == 1
     assert said.rstrip("`") in result.output
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "line"),
-    [
-        ('lambda t: {"target": 1.2}', 'lambda t: {"target": 1.2 if t < 0.1 else 1 / 0}', 10),
-        ("limit=20.0,", "limit=20.0, plant=lambda x, p, u: 1 / 0,", 8),
-    ],
-)
-def test_an_error_in_the_middle_of_a_ride_too(tmp_path: Path, old: str, new: str, line: int) -> None:
-    path = tmp_path / "cart.py"
-    path.write_text(CART.replace(old, new))
-    result = CliRunner().invoke(rabbit, ["system", "evaluate", str(path), "--rides", "1"])
-    assert result.exit_code == 2
-    assert f"{path}, line {line}: ZeroDivisionError: division by zero: `" in result.output
-    assert result.output.count("\n") == 1
 
 
 def test_a_barrier_of_degree_4_is_kept_by_the_oracle_and_nothing_is_learned_of_it() -> None:

@@ -8,7 +8,7 @@ import socket
 import struct
 import threading
 from collections.abc import Iterator
-from contextlib import ExitStack, closing
+from contextlib import ExitStack
 from http.client import HTTPConnection
 from pathlib import Path
 
@@ -17,7 +17,6 @@ from page_client import PageClient
 from rabbit_viewer.page import PageError
 from rabbit_viewer.page.broadcast import KEPT_BYTES, Broadcast
 from rabbit_viewer.page.files import contents, page_with, write_page
-from rabbit_viewer.page.recording import Explainer
 from rabbit_viewer.page.server import LONGEST_MESSAGE, MOST_MESSAGES, PageServer
 from websockets.exceptions import InvalidStatus
 
@@ -108,29 +107,6 @@ def test_a_refusal_goes_to_the_browser_that_asked(page: PageServer) -> None:
         one.wait(lambda client: client.words["refused"]["text"] == "bytes: expected JSON")
         two.say("1")
         assert not two.hear(0.1) or "refused" not in two.words
-
-
-def fail(*_: object) -> list[str]:
-    """As code that somebody forgot to guard."""
-    raise KeyError("tick")
-
-
-def test_where_an_answer_fails_the_browser_is_told_and_may_go_on(broadcast: Broadcast) -> None:
-    with closing(PageServer(broadcast, fail, 0)) as page, PageClient(page.address) as one:
-        for _ in range(2):
-            one.words.pop("refused", None)
-            one.say("explain")
-            one.wait(lambda client: "refused" in client.words)
-            assert one.words["refused"]["text"].startswith("KeyError: 'tick' (test_page_server.py, line")
-
-
-def test_where_an_explanation_fails_the_browser_is_told(page: PageServer, broadcast: Broadcast) -> None:
-    explain = Explainer(broadcast, fail)
-    with PageClient(page.address) as one:
-        assert explain('{"do": "explain", "walker": 0, "tick": 3}') == ""
-        one.wait(lambda client: "explained" in client.words)
-        assert one.words["explained"]["tick"] == 3
-        assert one.words["explained"]["lines"][0].startswith("KeyError: 'tick'")
 
 
 def test_too_long_a_message_ends_the_connection_alone(page: PageServer, broadcast: Broadcast) -> None:

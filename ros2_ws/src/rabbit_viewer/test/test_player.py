@@ -118,17 +118,6 @@ def test_a_link_is_the_same_walk_with_its_settings(played: Callable[..., Played]
     assert two.words["state"]["settings"] == settings
 
 
-def test_pushes_and_swaps_are_marked_at_their_ticks(played: Callable[..., Played]) -> None:
-    one = played(stones=6).walk(30)
-    one.ask(do="push", force=120, seconds=0.1)
-    one.walk(45)
-    one.choose(first="nominal")
-    one.walk()
-    events = one.rows()["events"].astype(int)
-    assert np.flatnonzero(events & 4).tolist() == list(range(30, 40))
-    assert np.flatnonzero(events & 8).tolist() == [75]
-
-
 def test_a_reset_begins_with_the_settings_and_without_what_was_done(played: Callable[..., Played]) -> None:
     one = played().walk(30)
     one.ask(do="push", force=250, seconds=0.1)
@@ -175,16 +164,6 @@ def test_every_controller_plays(played: Callable[..., Played], name: str) -> Non
     one = played(first=name, stones=2).walk()
     assert one.outcomes[0][0]
     assert len(one.rows()["V"]) > 20
-
-
-def test_with_a_labs_sensors_the_robot_is_drawn_where_it_is(played: Callable[..., Played]) -> None:
-    """The estimate drifts over the ground; the standing foot does not. Another load changes no sensor."""
-    one = played(first="nominal", sensors="lab", mass_scale=1.0).walk(30)
-    one.choose(payload=3.0)
-    rows = one.walk(60).rows()
-    standing = np.where(rows["stance"] == 0, rows["left_foot_z"], rows["right_foot_z"])
-    assert len(standing) == 90
-    assert np.abs(standing).max() < 0.003
 
 
 def test_pause_holds_and_a_tick_is_one(played: Callable[..., Played]) -> None:
