@@ -78,25 +78,6 @@ def test_a_file_that_changes_during_a_run_spoils_its_result(tmp_path: Path) -> N
     assert cache.get(job) is None
 
 
-def test_ctrl_c_loses_only_the_run_under_way(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, counted: list[int]
-) -> None:
-    wanted = [replace(JOB, seed=seed) for seed in (1, 2, 3)]
-    noted = Walk.do
-
-    def stopped(job: Walk) -> Any:
-        if job.seed == 3:
-            raise KeyboardInterrupt
-        return noted(job)
-
-    with monkeypatch.context() as patch:
-        patch.setattr(Walk, "do", stopped)
-        with pytest.raises(KeyboardInterrupt):
-            run(wanted, Cache(tmp_path), 1)
-    assert run(wanted, Cache(tmp_path), 1) == 1
-    assert counted == [1, 2, 3]
-
-
 @pytest.mark.parametrize(
     "job", [JOB, RecordedWalk(JOB.assembly, 7), JudgedWalk(JOB.assembly, 7, (JOB.assembly,))], ids=lambda job: type(job)
 )

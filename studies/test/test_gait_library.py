@@ -22,7 +22,7 @@ from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.robot_numbers import read_robot
 from rl_cbf_clf_controller.step_landing import Legs, descent, landing_at
 from rl_cbf_clf_controller.step_paths import GaitExpressions, Shape, StepPath, gait_row
-from rl_cbf_clf_controller.virtual_constraints import RABBIT_ANGLES, VirtualConstraints, gradual_line
+from rl_cbf_clf_controller.virtual_constraints import VirtualConstraints, gradual_line
 
 NAME = "wide"
 LIBRARY = load_gaits(NAME)
@@ -171,14 +171,8 @@ def with_gait(index: int, **fields: Any) -> dict[str, Any]:
     ("content", "words"),
     [
         (changed(gaits=CONTENT["gaits"][2::-1]), "in each increasing step lengths"),
-        (with_gait(1, step_length=CONTENT["gaits"][0]["step_length"]), "in each increasing step lengths"),
-        (with_gait(1, phase_angle_start=3.0, phase_angle_end=3.5), "ranges of the phase angle that overlap"),
         (with_gait(1, bezier_coeffs=[[0.0] * 7] * 4), "gaits[1].bezier_coeffs"),
-        (with_gait(1, slope=-2.0), "expected increasing slopes"),
-        (with_gait(2, slope=2.0), "slope 2: step lengths [0.3]: expected [0.2, 0.25]"),
         (with_gait(1, slope=80.0), "gaits[1].slope"),
-        (changed(start_length=0.123), "start_length = 0.123: expected one of"),
-        (changed(gaits=[]), "gaits"),
         (changed(colour="blue"), "colour"),
     ],
 )
@@ -199,23 +193,6 @@ def test_specifications_follow_the_length() -> None:
     assert long.max_foot_height > circle
 
 
-@given(length=LENGTHS, at=st.integers(0, len(SLOPED.slopes) - 2), share=st.floats(0, 1))
-def test_between_two_slopes_all_is_linear(length: float, at: int, share: float) -> None:
-    low, high = SLOPED.slopes[at : at + 2]
-    path = SLOPED_PATHS(length, length, (1 - share) * low + share * high)
-    ends = SLOPED_PATHS(length, length, low), SLOPED_PATHS(length, length, high)
-    np.testing.assert_allclose(path.coeffs, (1 - share) * ends[0].coeffs + share * ends[1].coeffs, atol=1e-12)
-    assert path.phase_angle_start == pytest.approx(
-        (1 - share) * ends[0].phase_angle_start + share * ends[1].phase_angle_start
-    )
-
-
-def landed_foot(path: Any) -> tuple[Array, float]:
-    """Where the swing foot is at the end of a path, from the stance foot, and the pitch there."""
-    q = np.append(np.zeros(2), RABBIT_ANGLES.coordinates(path.coeffs[:, -1], path.phase_angle_end))
-    return MODEL.update(q, np.zeros(7)).swing, q[2]
-
-
 def line_at(x: float) -> tuple[float, ...]:
     """g and its two derivatives."""
     return tuple(float(ca.evalf(each)) for each in gradual_line(ca.SX(x)))
@@ -231,20 +208,3 @@ def test_the_descent_begins_gradually() -> None:
         assert (after[1] - before[1]) / (2 * h) == pytest.approx(curvature, abs=1e-6)
         assert value < x
     assert line_at(1.0)[1] == pytest.approx(1.0, abs=1e-6)
-
-
-def test_a_step_is_made_for_a_steeper_slope_where_the_robot_is_slow() -> None:
-    """A slow touchdown leans the torso forward, by the path of another slope; a library for one slope cannot."""
-    q, dq = SLOPED.x_start
-    length, stone = SLOPED.start_length, StonePreview(1, SLOPED.start_length - 0.025, SLOPED.start_length + 0.025)
-    pitches = []
-    for haste in (0.8, 1.0, 1.2):
-        steps = Steps(SLOPED, PARAMETERS, ROBOT)
-        step_time = SLOPED.level[SLOPED.lengths.index(length)].step_time
-        steps.begin(np.concatenate([q, haste * dq]), step_time, stone)
-        pitches.append(landed_foot(SLOPED_PATHS(length, steps.wanted, steps.slope))[1])
-    assert pitches[0] > pitches[1] + 0.02
-    assert pitches[1] > pitches[2] + 0.02
-    level = Steps(LIBRARY, PARAMETERS, ROBOT)
-    level.begin(np.concatenate([q, 0.8 * dq]), step_time, stone)
-    assert level.slope == 0.0

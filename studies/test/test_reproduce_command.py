@@ -9,12 +9,11 @@ from typing import Any
 
 import pytest
 from rabbit_experiments.commands import evaluate as evaluate_module
-from rabbit_reproduce import catalogue
 from rabbit_reproduce.catalogue import EXPERIMENTS
 from rabbit_reproduce.command_lines import evaluate_command
 from rabbit_reproduce.commands.reproduce import app
 from rabbit_reproduce.experiment import Experiment
-from rabbit_reproduce.page import PAGE, make
+from rabbit_reproduce.page import make
 from rabbit_reproduce.table_lines import COLUMNS, QUICK, Line, Size
 from typer.testing import CliRunner, Result
 
@@ -46,15 +45,6 @@ def test_a_tiny_experiment_to_its_files(tmp_path: Path, one_stone: Maker, tiny: 
     for part in ("fig:none", "**reproduced**", "one-stone/errors.png", "--seed 50001", "2 of 2"):
         assert part in text
     assert make([experiment], tiny, tmp_path, ["one-stone"])[1] == 0
-
-
-def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, one_stone: Maker, tiny: Size) -> None:
-    monkeypatch.setattr(catalogue, "EXPERIMENTS", (one_stone(),))
-    monkeypatch.setattr("rabbit_reproduce.table_lines.QUICK", tiny)
-    done = rabbit("one-stone", "--quick", "--out", tmp_path, "--jobs", 1)
-    assert done.exit_code == 0, done.output
-    assert (tmp_path / PAGE).is_file()
-    assert "0 runs made" in rabbit("--quick", "--out", tmp_path, "--jobs", 1).output
 
 
 @pytest.mark.parametrize("line", LINES[:: max(1, len(LINES) // 12)], ids=lambda line: line.what)

@@ -5,11 +5,10 @@ import pytest
 import torch
 from rabbit_benchmark.families import families
 from rabbit_residual.fleet import Rollout
-from rabbit_residual.plants import described, draw_plant, ranges
+from rabbit_residual.plants import draw_plant
 from rabbit_residual.ppo import Ppo, PpoParameters, advantages
 from rabbit_residual.session import SessionError
 from rabbit_residual.training import options, train
-from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.weights import read
 
 
@@ -78,13 +77,6 @@ def test_the_value_network_alone_reads_what_is_known_of_the_plant() -> None:
         )
     values = learner._critic(torch.tensor([[0.0, -1.0], [0.0, 1.0]])).flatten().tolist()
     assert values == pytest.approx([-1.0, 1.0], abs=0.2)
-
-
-def test_a_plant_is_described_by_what_is_drawn_of_it() -> None:
-    nothing = described(SimulationParameters())
-    assert not nothing.any()
-    heavy = described(SimulationParameters(mass_scale=ranges()["mass_scale"][1]))
-    assert sorted(heavy)[-2:] == [0.0, 1.0]
 
 
 @pytest.mark.parametrize("learner", ["ppo", "sac"])

@@ -189,15 +189,9 @@ def test_a_short_training_finds_most_of_the_error():
     ("old", "new", "text"),
     [
         ("urdf: three_link_walker.urdf", "urdf: nosuch.urdf", "No such file"),
-        ("foot: left_foot", "foot: nosuch", "no link nosuch"),
         ("{hip: right_hip,", "{knee: right_hip,", "expected foot and joints by the same names"),
-        ("{pitch: 1}", "{roll: 1}", "roll: expected one of pitch, stance_hip, swing_hip"),
-        ("hip: left_hip", "hip: left_knee", "expected also the joint left_hip"),
         ("phase_range: [-0.2527,", "phase_range: [0.2527,", "expected a sum that grows"),
-        ("legs: [0.0, 0.1408,", "legs: [0.1408,", "expected rows of the same length"),
-        ("  legs: [0.0,", "  arms: [0.0,", "path of torso, arms: expected that of each output, torso, legs"),
         ("limit: 100", "limit: -1", "limit"),
-        ("plant: {mass: 2}", "plant: {weight: 2}", "weight: expected one of mass, payload, motors"),
         ("limit: 100", "limits: 100", "limits"),
     ],
 )
@@ -206,31 +200,6 @@ def test_a_wrong_file_is_one_line(tmp_path, old, new, text):
     assert old in source
     (tmp_path / "walker.yaml").write_text(source.replace(old, new))
     (tmp_path / "three_link_walker.urdf").write_text((EXAMPLES / "three_link_walker.urdf").read_text())
-    with pytest.raises(TaskError) as error:
-        load_task(str(tmp_path / "walker.yaml"))
-    assert text in str(error.value)
-    assert "\n" not in str(error.value)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "text"),
-    [
-        ('<mass value="5"/>', '<mass value="0"/>', "mass 0 of what the joint left_hip moves: expected a positive mass"),
-        ('<mass value="5"/>', '<mass value="-5"/>', "link left_leg: mass value = -5: expected 0 or more"),
-        ('<mass value="5"/>', '<mass value="nan"/>', "link left_leg: mass value = nan: expected 0 or more"),
-        ('<mass value="25"/>', '<mass value="heavy"/>', "link torso: mass value = heavy: expected 0 or more"),
-        ('<mass value="25"/>', "<mass/>", "link torso: mass value = None: expected 0 or more"),
-        ('iyy="1.5"', 'iyy="-1.5"', "link torso: inertia iyy = -1.5: expected 0 or more"),
-        ('xyz="0 0 -0.5"', 'xyz="0 0 nan"', "origin xyz = 0 0 nan: expected 3 finite numbers"),
-        ('<joint name="left_hip"', "<joint", "URDF"),
-        ('<child link="left_leg"/>', "<child/>", "URDF"),
-    ],
-)
-def test_a_wrong_urdf_is_one_line(tmp_path, old, new, text):
-    source = (EXAMPLES / "three_link_walker.urdf").read_text()
-    assert old in source
-    (tmp_path / "three_link_walker.urdf").write_text(source.replace(old, new))
-    (tmp_path / "walker.yaml").write_text((EXAMPLES / "three_link_walker.yaml").read_text())
     with pytest.raises(TaskError) as error:
         load_task(str(tmp_path / "walker.yaml"))
     assert text in str(error.value)

@@ -49,15 +49,6 @@ def test_images_run_as_a_user_of_their_own(path: Path) -> None:
     assert not {"RUN", "COPY", "ADD"} & set(after)  # nothing that the user could change later
 
 
-@pytest.mark.parametrize("path", DOCKERFILES, ids=lambda path: path.name)
-def test_images_enter_through_a_script_that_is_there(path: Path) -> None:
-    (entry,) = (yaml.safe_load(rest) for word, rest in last_stage(path) if word == "ENTRYPOINT")
-    assert os.access(here(entry[0]), os.X_OK)
-    (command,) = (yaml.safe_load(rest) for word, rest in last_stage(path) if word == "CMD")
-    assert command[0] == "rabbit"
-    assert command[1] in subcommands()
-
-
 def test_every_node_is_a_service_whose_command_is_there() -> None:
     commands = {name: shlex.split(service["command"]) for name, service in services().items()}
     assert set(commands) == NODES | {"ground"}

@@ -54,16 +54,10 @@ def test_bench_measures_and_asserts_nothing(tmp_path: Path) -> None:
     ("words", "told"),
     [
         (("gait", "--step-length", 0.9, "--name", "x"), "--step-length 0.9: expected less than or equal to 0.7"),
-        (("gait",), "--name: missing"),
         (("gait", "--name", "x", "--library", "0.4,0.3"), "--library: lengths = [0.4, 0.3]: expected"),
-        (("gait", "--name", "x", "--library", "0.3,0.4"), "--library: lengths = [0.3, 0.4]: expected 0.35"),
         (("gait", "--name", "x", "--library", "0.35,0.9"), "--library: step_length = 0.9"),
-        (("gait", "--name", "x", "--barrier-poles", "70"), "--barrier-poles"),
-        (("video", "nowhere"), "nowhere"),
         (("policy", "verify", "nowhere"), "nowhere"),
-        (("estimates", "nowhere"), "nowhere"),
         (("estimates", "nowhere", "--runs", 0), "--runs 0"),
-        (("train", "--out", "x", "--measurement", "none"), "--measurement none"),
         (("bench", "--policy", "nobody"), "--policy nobody"),
     ],
 )

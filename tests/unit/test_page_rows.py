@@ -1,18 +1,13 @@
 """A row of the page is the tick it is made of, and what it draws lies where the plant has it."""
 
-import struct
-from pathlib import Path
-
 import numpy as np
 import pytest
 from rabbit_description.gait import load_gaits
-from rabbit_description.state import Array, Leg
-from rabbit_experiments.walk_records import WalkRecords, about_walk
+from rabbit_description.state import Array
+from rabbit_experiments.walk_records import about_walk
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.robot_urdf import perturbed_urdf
 from rabbit_sim.simulation import Simulation
-from rabbit_viewer.page.broadcast import Broadcast
-from rabbit_viewer.page.recording import fill
 from rabbit_viewer.page.rows import RowMaker, clf_decay
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.controller_output import ControllerOutput
@@ -56,16 +51,6 @@ def test_stones_lie_where_the_plant_placed_them(walked: Walked) -> None:
     np.testing.assert_allclose(seen, simulation.stones[1:], atol=5e-4)  # the foot goes on within its touchdown's tick
 
 
-def test_values_are_the_ticks(walked: Walked) -> None:
-    records, _ = walked
-    rows, columns = rows_of(records)
-    column = dict(zip(columns, rows.T, strict=True))
-    np.testing.assert_array_equal(column["V"], [record.output.V for record in records])
-    np.testing.assert_array_equal(column["F_N"], [r.state.foot_force[r.output.stance, 1] for r in records])
-    np.testing.assert_array_equal(column["torque_left_knee"], [record.output.torque[1] for record in records])
-    assert set(column["stance"]) == {float(leg) for leg in Leg}
-
-
 def test_errors_are_those_of_the_tick_before(walked: Walked) -> None:
     records, _ = walked
     rows, columns = rows_of(records)
@@ -86,21 +71,6 @@ def test_the_bound_of_V_begins_with_each_step_and_falls(walked: Walked) -> None:
     within = np.diff(step) == 0
     rate = clf_decay(about_walk(CONTROLLER, PLANT, "zero", 1, ""))
     np.testing.assert_allclose((bound[1:] / bound[:-1])[within], np.exp(-rate * 0.01))
-
-
-def test_a_recording_has_the_same_rows(walked: Walked, tmp_path: Path) -> None:
-    records, simulation = walked
-    about = about_walk(CONTROLLER, PLANT, "zero", 1, "walked")
-    broadcast = Broadcast()
-    fill(broadcast, WalkRecords.from_ticks(records, simulation.landings, about), "run")
-    words, rows = broadcast.known
-    expected, columns = rows_of(records)
-    shown = np.array(struct.unpack(f"<{len(rows) // 4}f", rows)).reshape(-1, len(columns))
-    np.testing.assert_array_equal(shown, expected.astype(np.float32))
-    assert [word["type"] for word in words] == ["about", "ended"]
-    assert words[0]["walkers"][0]["columns"] == list(columns)
-    (ended,) = words[1]["walkers"]
-    assert (ended["outcome"], ended["stones"]) == ("walked", records[-1].state.touchdowns)
 
 
 def test_with_exact_estimates_the_true_error_is_the_estimated_one() -> None:

@@ -118,17 +118,11 @@ def test_what_is_learned_next_to_the_walk_walks_at_once(started: Callable[..., P
     ("words", "line"),
     [
         (("--mass-scale", "9"), "rabbit: --mass-scale 9"),
-        (("--first", "nobody"), "rabbit: --first nobody: expected"),
-        (("--terrain", "flat", "--first", "learned"), "rabbit: --terrain flat: expected stones"),
         (
             ("--terrain", "flat", "--first", "learned", "--export", "/nowhere/walk.html"),
             "rabbit: --terrain flat: expected stones",
         ),
-        (("--first", "yours"), "rabbit: controller yours: expected --controller, --policy or --parameters"),
-        (("--second", "recording"), "rabbit: on the same course recording: expected --recording RUN"),
         (("--policy", "nowhere"), "rabbit: --policy nowhere: expected one of zero, oracle"),
-        (("--recording", "/nowhere"), "rabbit: "),
-        (("--gait", "nowhere"), "rabbit: gait nowhere: no such file, expected one of "),
         (("--export", "/nowhere/walk.html", *ALONE), "rabbit: --export /nowhere/walk.html: No such file"),
     ],
 )

@@ -27,13 +27,6 @@ def script(monkeypatch: pytest.MonkeyPatch):
     return load
 
 
-def test_a_ros_for_another_python_is_refused(script, tmp_path: Path) -> None:
-    common, checks = script("common"), script("checks")
-    (tmp_path / "lib" / "python3.8" / "site-packages" / "rclpy").mkdir(parents=True)
-    with pytest.raises(common.SetUpError, match="call make with PYTHON="):
-        checks.check_ros(tmp_path)
-
-
 def test_a_stamp_holds_only_for_the_same_inputs(script, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     common = script("common")
     monkeypatch.setattr(common, "STATE", tmp_path)

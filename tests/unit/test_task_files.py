@@ -18,25 +18,10 @@ BALL = Path(__file__).resolve().parents[2] / "examples" / "ball_on_beam.py"
     ("old", "new", "said"),
     [
         ('"mass": 1.0', '"mass": 1 / 0', 'line 9: ZeroDivisionError: division by zero: `nominal={"mass": 1 / 0}'),
-        ("import casadi as ca\n", "\n", "line 5: NameError: name 'ca' is not defined"),
         ("import casadi as ca", "import nosuch as ca", "line 2: ModuleNotFoundError: No module named 'nosuch'"),
-        ("TASK =", "TASK ==", "line 6: NameError: name 'TASK' is not defined"),
-        ("x, v, u, mass,", "x, v u, mass,", "line 5: SyntaxError: invalid syntax"),
         ("limit=20.0", "limt=20.0", "line 6: TypeError: "),
-        (
-            '"mass": 1.0',
-            '"mas": 1.0',
-            "line 6: TaskError: nominal = mas: expected one of mass, target (did you mean mass?)",
-        ),
         ("commands=lambda rng: lambda t: {", "commands=lambda rng: lambda t: 1 / 0 or {", "line 10: ZeroDivisionError"),
-        ("limit=20.0", "limit=20.0, objective=lambda terms: terms.nothing", "line 8: AttributeError"),
-        ("poles=(4.0, 4.0)", "poles=(4.0,)", ": wall: derivative 1 does not depend on u"),
         ("poles=(4.0, 4.0)", "poles=(4.0, 4.0, 4.0)", ": wall: relative degree 2, but 3 was given"),
-        (
-            "Clf(x - target)",
-            "Clf(x - target, gains=(1.0,))",
-            ": the outputs of the CLF: derivative 1 does not depend on u",
-        ),
         ("Clf(x - target)", "Clf(x - target, gains=(-1.0, 1.0))", ": gains = [-1.0, 1.0] do not stabilise"),
     ],
 )

@@ -47,15 +47,10 @@ def test_what_readers_read_differently_is_refused_with_line_key_and_value(text: 
     ("text", "said"),
     [
         ("a: 1\na: 2", "line 2: key a: expected once"),
-        ("a: {b: 1, c: 2, b: 1}", "line 1: key a.b: expected once"),
         ("a: &x 1", "line 1: a = x: expected no anchor or alias"),
-        ("a: *x", "line 1: a = x: expected no anchor or alias"),
         ("a: !!python/name:os.system", "expected no tag"),
-        ("1: a", "line 1: a key: expected text"),
         ("? [a]\n: 1", "line 1: a key: expected text"),
-        ("[" * 3000, "nested too deep"),
         ("a: 1\n---\na: 2", "line 2: a second document"),
-        ("a: [1", "line 1"),
         ("a: \x00", "control characters are not allowed"),
     ],
 )

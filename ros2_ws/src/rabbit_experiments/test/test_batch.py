@@ -1,10 +1,8 @@
 """A walk in a batch is the walk alone, to the bit: MuJoCo, controller, policy, sensors, tally, environment."""
 
 import math
-import re
 from dataclasses import replace
 from itertools import product
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -33,7 +31,6 @@ from rl_trainer.reward import reward
 from rl_trainer.rollout import Record, rollout
 from rl_trainer.transitions import TransitionBuilder
 
-PAGE = Path(__file__).resolve().parents[1] / "README.md"
 TIMES = {"tick_ms_p50", "tick_ms_p99", "plant_ms_p50", "walk_seconds"}
 PLANTS: list[dict[str, Any]] = [
     {"mass_scale": 2.0},
@@ -257,16 +254,6 @@ def test_an_action_is_the_estimates_over_their_scales(problem: Problem) -> None:
     found = LearnerUnits(parameters).estimates(actions, LgV)
     np.testing.assert_allclose(found.alpha, alpha, rtol=1e-12)
     np.testing.assert_allclose(found.beta, beta, rtol=1e-12)
-
-
-@pytest.mark.skipif(not PAGE.is_file(), reason="the package is not in the project")
-def test_the_environment_as_the_docs_make_it() -> None:
-    page = PAGE.read_text(encoding="utf-8")
-    (code,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
-    made: dict[str, Any] = {}
-    exec(code, made)
-    assert made["env"].observation_space.contains(made["observations"])
-    assert (made["rewards"] <= 0).all()
 
 
 def random_plant(parameters: SimulationParameters, seed: int) -> SimulationParameters:

@@ -8,10 +8,7 @@ import pytest
 from rabbit_description.force_ratio import IMPACT_SECONDS, impact_ticks
 from rabbit_description.gait import load_gait
 from rabbit_description.state import Array, Leg, RobotState, StonePreview
-from rabbit_estimator.parameters import EstimatorParameters
 from rabbit_experiments.metrics import RunResult, RunRow, RunTally
-from rabbit_sim.parameters import SimulationParameters
-from rabbit_sim.perturbations.sensors import Laboratory
 from rabbit_sim.simulation import Landing, Outcome
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.controller_output import ControllerOutput
@@ -123,11 +120,6 @@ def test_forces_are_judged_apart_from_stones(record: Record) -> None:
     assert (row.ticks_over_cone, row.ticks_over_cone_at_impact) == (LATE, LATE - 1)  # no force before tick 0
 
 
-def test_a_fault_ends_under_its_own_name(record: Record) -> None:
-    row = run(record, [GOOD], Outcome.RUNNING, STANDING, fault="no solver answered: exit -1").row
-    assert (row.outcome, row.success) == ("no solver answered", False)
-
-
 def test_rows_and_slacks_are_counted(record: Record) -> None:
     changes = {"active": ("CLF", "B2", "C2-", "u3"), "clf_slack": 2.0, "rescue_slack": 0.0, "answered": False}
     row = run(record, [GOOD], Outcome.WALKED, STANDING, **changes).row
@@ -142,10 +134,3 @@ def test_barriers_that_begin_outside_their_promise_are_counted_once_a_step(recor
     assert run(record, [GOOD, GOOD], Outcome.WALKED, STANDING, **sinking).row.ecbf_start_violations == 2
     sound = {**sinking, "barrier_rates": np.array([0.0, -0.5 * pole + 1e-6])}
     assert run(record, [GOOD, GOOD], Outcome.WALKED, STANDING, **sound).row.ecbf_start_violations == 0
-
-
-def test_the_estimator_is_told_of_the_sensors_and_of_nothing_else_of_the_plant() -> None:
-    """What both have under one name is handed over; the radius of a rolling foot would be the truth."""
-    shared = EstimatorParameters.model_fields.keys() & SimulationParameters.model_fields.keys()
-    assert "gyro_noise" in shared
-    assert shared <= Laboratory.model_fields.keys() | {"encoder_resolution", "tick_seconds"}

@@ -71,9 +71,7 @@ def test_the_command_explains_and_draws(tmp_path: Path, write_bag: WriteBag) -> 
     ("words", "said"),
     [
         (["--tick", 9999], "tick 9999 of episode 1: expected one that was recorded, 0 to "),
-        (["--tick", 3, "--worst"], "expected --tick N or --worst"),
         ([], "expected --tick N or --worst"),
-        (["--tick", 3, "--episode", 7], "no ticks of episode 7 in it"),
         pytest.param(["--tick", 3, "--picture", "tick.nothing"], "'nothing' is not supported", marks=DRAWS),
     ],
 )
