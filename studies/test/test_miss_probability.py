@@ -93,16 +93,3 @@ def test_walks_that_fit_and_walks_that_judge_share_no_plant() -> None:
     unchanged = SimulationParameters(terrain="stones", stones=20, motor_lag=0.004).model_dump_json()
     assert alike <= {unchanged}
     assert not {each.seed for each in fit} & {each.seed for each in judge}
-
-
-def test_the_shipped_model_knows_a_bad_touchdown_from_a_good_one() -> None:
-    """One of the mean, and one after a step with torques and slack at their largest and little force on the ground."""
-    model = MissProbability.shipped()
-    good = np.array(model.mean)
-    bad = good.copy()
-    for name, change in (("largest_torque", 1.0), ("largest_output", 3.0), ("rescue_slack", 3.0)):
-        at = FEATURES.index(name)
-        bad[at] += change * model.spread[at]
-    p_good, p_bad = model.at(np.array([good, bad]))
-    assert p_good < 0.03
-    assert p_bad > 2 * p_good

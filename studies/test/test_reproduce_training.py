@@ -5,9 +5,7 @@ from pathlib import Path
 import pytest
 from rabbit_description.gait import load_gaits
 from rabbit_experiments.training_setup import training
-from rabbit_reproduce.catalogue import EXPERIMENTS
 from rabbit_reproduce.catalogue.learning_curves import first_whole, sessions, settled
-from rabbit_reproduce.experiment import Experiment
 from rabbit_reproduce.table_lines import FULL
 from rabbit_reproduce.training import (
     SHIPPED,
@@ -82,15 +80,6 @@ def test_what_is_shipped_is_trained_anew(quick: bool) -> None:
             *(recipe.parameters.problem.name, recipe.parameters.seed, recipe.plant.mass_scale),
             recipe.parameters.episodes,
         )
-
-
-@pytest.mark.parametrize("each", EXPERIMENTS, ids=lambda each: each.name)
-def test_an_experiment_trains_what_it_walks_with_and_no_more(each: Experiment) -> None:
-    used = {job.assembly.policy for job in each.jobs(FULL)}
-    wanted = each.trainings(FULL)
-    assert {SHIPPED[name] for name in SHIPPED if str(policy_path(name)) in used} <= set(wanted) <= set(recipes(False))
-    if each.name not in ("learning-curves", "feasibility-by-episode"):
-        assert set(wanted) <= set(SHIPPED.values())
 
 
 def test_the_committed_log_is_whole() -> None:

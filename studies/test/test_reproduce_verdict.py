@@ -3,18 +3,13 @@
 import csv
 import re
 from pathlib import Path
-from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from rabbit_experiments.evaluation import SeededRun, Walk
-from rabbit_experiments.metrics import RunResult, RunRow
+from rabbit_experiments.metrics import RunRow
 from rabbit_experiments.summary import Walks
-from rabbit_reproduce.catalogue import EXPERIMENTS
-from rabbit_reproduce.experiment import Experiment
 from rabbit_reproduce.report import Verdict, judge, missing
-from rabbit_reproduce.table_lines import FULL, Found
 
 COUNTS = {name: 0 for name, field in RunRow.model_fields.items() if field.annotation in (int, float)}
 
@@ -70,22 +65,3 @@ def test_the_shipped_intervals_of_means_lie_on_their_courses() -> None:
                 found += 1
                 assert 0 <= float(row["mean_low95"]) <= float(row["mean_high95"]) <= float(stones[1] if stones else 20)
     assert found > 1000
-
-
-@pytest.mark.parametrize(
-    "experiment", [each for each in EXPERIMENTS if each.judged_on_rigid and each.lines()], ids=lambda each: each.name
-)
-def test_claims_on_rigid_go_by_walks_on_rigid(experiment: Experiment) -> None:
-    """Runs in PyBullet, recorded ones too, are not there."""
-
-    def get(job: SeededRun) -> RunResult | None:
-        is_rigid = isinstance(job, Walk) and job.assembly.simulation.plant == "rigid"
-        found = RunResult(row=walks(20).rows[0], violations=[], tick_seconds=[])
-        return found if is_rigid and job.assembly.simulation.motor_lag > 0 else None
-
-    cache: Any = type("Cache", (), {"get": staticmethod(get), "path": "-"})
-    found = Found(cache, FULL)
-    on_rigid = {claim.claim for claim in experiment.claims(found.on_rigid)}
-    assert on_rigid
-    with pytest.raises(LookupError):
-        experiment.claims(found)

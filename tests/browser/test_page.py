@@ -126,22 +126,6 @@ def test_a_first_visit_sees_the_walk_the_fall_and_why(chromium: Chromium) -> Non
         assert served.end() == 0
 
 
-def test_a_click_on_the_time_line_explains_its_tick(chromium: Chromium, played: str) -> None:
-    page = chromium.open(played)
-    page.wait("rabbit.state.walk.length > 100")
-    page.click("#pause")
-    page.wait("rabbit.controls.state.paused")
-    page.drag("#time", 0.5)
-    page.wait("!document.querySelector('#why').hidden")
-    row = page.look("rabbit.clock.row")
-    lines = page.look("document.querySelector('#why pre').textContent").split("\n")
-    assert lines[0].startswith(f"robot best, tick {row} ")
-    assert {line.split()[0] for line in lines[4:10]} == {"CLF", "B1", "B2", "C1", "C2+", "C2-"}
-    page.choose("#row", "1")
-    page.wait("rabbit.plots.plots.at(-2).columns[0] === 'margin_B1'")
-    check_requests(page)
-
-
 def test_your_own_controller_barrier_and_policy_walk_on_the_page(
     chromium: Chromium, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -293,26 +277,3 @@ def test_a_saved_walk_opens_from_disk_without_a_network(chromium: Chromium, tmp_
     assert marks == page.look("rabbit.state.ended[0].stones") - 1 or marks == 6
     assert page.look("document.querySelector('#controls').hidden")
     check_requests(page)
-
-
-def test_a_run_is_served_with_a_time_line(chromium: Chromium, tmp_path: Path) -> None:
-    run = tmp_path / "run"
-    evaluate = [*RABBIT, "evaluate", "--runs", "1", "--stones", "3", "--pictures", "--out", str(run)]
-    subprocess.run(evaluate, check=True, timeout=300, stdout=subprocess.DEVNULL)
-    served = Served("bag", "show", str(run))
-    try:
-        page = chromium.open(served.address)
-        page.wait("rabbit.state.pictures > 5")
-        page.press(" ")
-        page.wait("!rabbit.clock.isPlaying")
-        page.drag("#time", 0.5)
-        row = page.look("rabbit.clock.row")
-        assert row == pytest.approx(page.look("rabbit.state.walk.length") / 2, abs=5)
-        page.press("ArrowRight")
-        page.wait(f"rabbit.clock.row === {row + 1}")
-        assert colours(page) > 20
-        page.look("rabbit.source.send({do: 'reset'})")
-        page.wait("rabbit.state.words.refused?.text === 'a recording takes no messages but explain'")
-        check_requests(page)
-    finally:
-        assert served.end() == 0

@@ -1,5 +1,7 @@
 """Each kind of file, changed anyhow: it is used, or refused in one line that names it. Then a sound one is read."""
 
+import io
+import pickle
 import signal
 import time
 import warnings
@@ -9,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 from entrances import Entrance, entrances
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -20,6 +23,7 @@ from recorded_walk import SEED, Walk
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
+from rl_trainer.checkpoint import DIGEST
 from rl_trainer.rollout import Record, rollout
 
 MOST_SECONDS, MOST_BYTES, LONGEST = 3.0, 500_000_000, 5000  # CPU, three times its bar; memory; of a refusal, characters
@@ -107,6 +111,46 @@ def test_a_bomb_is_refused_within_bounds(name: str, bomb: str, folder: Any) -> N
     value, said = read(entrance, folder() / entrance.file, BOMBS[bomb])
     assert said or value == b"" or bomb == "nothing"
     assert is_taken(entrance, folder())
+
+
+class Bomb:
+    """What makes a file when it is unpickled."""
+
+    def __init__(self, mark: Path) -> None:
+        self.mark = mark
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Path.touch, (self.mark,)
+
+
+def saved_by_torch(bomb: Bomb, file: io.BytesIO) -> None:
+    torch.save({"parameters": bomb}, file)
+
+
+def saved_by_numpy(bomb: Bomb, file: io.BytesIO) -> None:
+    np.savez(file, about=np.array([bomb], dtype=object))
+
+
+LOADS: dict[Any, Any] = {
+    pickle.dump: pickle.load,
+    saved_by_torch: lambda file: torch.load(file, weights_only=False),
+    saved_by_numpy: lambda file: dict(np.load(file, allow_pickle=True)),
+}
+
+
+@pytest.mark.filterwarnings("ignore:Detected pickle protocol")
+@pytest.mark.parametrize("save", LOADS)
+def test_no_pickle_is_run(save: Any, folder: Any, tmp_path: Path) -> None:
+    """Each would run code where it is loaded, and no reader loads it."""
+    file = io.BytesIO()
+    save(Bomb(tmp_path / "mark"), file)
+    for entrance in ENTRANCES.values():
+        for data in (file.getvalue(), entrance.seal(bytes(DIGEST) + file.getvalue())):
+            value, said = read(entrance, folder() / entrance.file, data)
+            assert said or value == b""
+    assert not (tmp_path / "mark").exists()
+    LOADS[save](io.BytesIO(file.getvalue()))
+    assert (tmp_path / "mark").exists(), "the bomb is live"
 
 
 @pytest.mark.parametrize("name", SEALED)

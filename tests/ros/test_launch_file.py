@@ -166,33 +166,3 @@ def test_both_launchers_start_the_same_nodes_and_say_the_same(tmp_path: Path, tr
     said = re.findall(r"^\[walk-\d+\] (?:\[\w+\] )?(.*)$", by_launch.stdout, re.MULTILINE)
     lines = [line for line in by_rabbit.stdout.splitlines() if line.startswith(("episode ", "walked"))]
     assert lines == [line for line in said if line.startswith(("episode ", "walked"))]
-
-
-def test_a_node_with_use_sim_time_follows_the_graphs_clock(root_world: Any) -> None:
-    """In the root namespace without any remapping."""
-    import rclpy
-    from rclpy.parameter import Parameter
-    from rclpy.signals import SignalHandlerOptions
-
-    context = rclpy.Context()
-    rclpy.init(args=[], context=context, signal_handler_options=SignalHandlerOptions.NO)
-    try:
-        foreign = rclpy.create_node(
-            "foreign", context=context, parameter_overrides=[Parameter("use_sim_time", value=True)]
-        )
-        root_world.start("simulator", motor_lag=0.004, stones=3, pace=5.0, mass_scale=1.0)
-        root_world.start("controller", controller="cbf-clf-qp", use_sim_time=True)
-        root_world.go()
-        states = root_world.hear("state")
-        executor = rclpy.executors.SingleThreadedExecutor(context=context)
-        executor.add_node(foreign)
-
-        def seconds() -> float:
-            executor.spin_once(0.0)
-            return foreign.get_clock().now().nanoseconds / 1e9
-
-        root_world.wait(lambda: 0.2 < seconds() < 60.0)  # by the wall clock it would be many years
-        there = seconds()
-        root_world.wait(lambda: any(s.header.stamp.sec + s.header.stamp.nanosec / 1e9 >= there for s in states))
-    finally:
-        rclpy.try_shutdown(context=context)

@@ -216,15 +216,6 @@ def test_a_second_walk_in_one_namespace_is_refused(walking: subprocess.Popen[str
     assert walking.poll() is None
 
 
-def test_a_graph_that_was_started_node_by_node_is_not_walked_into(tmp_path: Path, root_world: Any) -> None:
-    root_world.start("simulator")
-    root_world.wait(lambda: bool(root_world.hear("diagnostics")))
-    done = rabbit("walk", "--out", tmp_path / "walk", "--stones", 1)
-    (line,) = done.stderr.splitlines()
-    assert done.returncode == ExitCode.REFUSED
-    assert "simulator publishes /" in line
-
-
 def test_nodes_walk_again_under_the_parameters_that_a_walk_has_left(tmp_path: Path, world: Any) -> None:
     """Without a launcher: nobody lets the simulator begin, and it does not take the first walk for its own."""
     folder = tmp_path / "walk"

@@ -217,17 +217,6 @@ def test_a_planned_policy_is_waited_for_whatever_others_publish_under_its_name(w
     assert {command.policy_version for command in commands} == {real.version}
 
 
-def test_a_planned_policy_goes_before_a_newer_one(world: Any) -> None:
-    commands, episodes = world.hear("torque"), world.hear("episode")
-    planned(world, policy(1).version)
-    for number in (1, 2):
-        world.say("policy", weights(policy(number)))
-    world.wait(lambda: diagnostic(world, "controller", "policy waiting") == policy(2).version)
-    world.go()
-    world.wait(lambda: over(episodes))
-    assert {command.policy_version for command in commands} == {policy(1).version}
-
-
 def diagnostic(world: Any, node: str, key: str) -> str:
     """The newest value of a figure in a node's diagnostics; empty before the first."""
     said = [s for m in world.hear("diagnostics") for s in m.status if s.name.endswith(node)]

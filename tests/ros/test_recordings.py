@@ -11,7 +11,6 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from rabbit_bringup.launching.walk import WalkOptions, WalkSettings
 from rabbit_bringup.ros.walking import walk_through
 from rabbit_msgs.msg import Episode
-from rabbit_recording import RecordingError
 from rabbit_recording.checking import check_episodes
 from rabbit_recording.episode_inventory import Presence
 from rabbit_recording.open_recording import opened
@@ -157,10 +156,3 @@ def test_a_recording_is_played_again(world: Any, recording: Path) -> None:
                 both = [getattr(each, field) for each in (message, again)]
                 both = [np.asarray(value) if isinstance(value, array) else value for value in both]  # NaN is NaN
                 np.testing.assert_equal(*both, err_msg=f"{name}.{field}")
-
-
-def test_a_running_graph_is_not_played_into(world: Any, recording: Path) -> None:
-    world.start("simulator", **PLANT)
-    world.wait(lambda: world.node.count_publishers("state") > 0)
-    with pytest.raises(RecordingError, match=r"/state is published already; give --namespace"):
-        play(recording, namespace=world.namespace, delay=60.0)

@@ -2,13 +2,11 @@
 
 import csv
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-from rabbit_bringup.cli import app, commands
+from rabbit_bringup.cli import app
 from rl_cbf_clf_controller.parameters import load_parameters
 from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP
 from typer.testing import CliRunner, Result
@@ -122,17 +120,3 @@ def test_authors_parameters_and_an_option_over_them(tmp_path: Path) -> None:
     used = json.loads((tmp_path / "summary.json").read_text())["parameters"]["controller"]
     authors = load_parameters("authors")
     assert (used["eps"], used["kp"], used["slack_weight"]) == (authors.eps, authors.kp, 50)
-
-
-def test_help_needs_neither_ros_nor_the_libraries() -> None:
-    code = f"""
-import sys
-sys.modules["rclpy"] = None
-from typer.testing import CliRunner
-from rabbit_bringup.cli import app
-for words in (["--help"], {[[name, "--help"] for name in commands() if name not in ("walk", "run")]!r}[0]):
-    assert CliRunner().invoke(app, words).exit_code == 0
-print(sorted({{"torch", "pybullet", "matplotlib", "pinocchio"}} & sys.modules.keys()))
-"""
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"

@@ -1,6 +1,5 @@
 """What a film shows after a recorded walk's end: the same robot, limp, by the laws of mechanics."""
 
-from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -60,14 +59,3 @@ def test_a_limp_robot_falls_to_the_ground_and_gains_no_energy(case: str) -> None
     assert limp[-1] < limp[0]
     assert torso_points(longer.q[-1:])[0, :, 1].min() < LYING
     assert feet(longer.q[end:])[:, :, 1].min() > -0.01 or walk.about["terrain"] == "stones"  # gaps have no ground
-
-
-@pytest.mark.parametrize("case", ["stones", "mujoco"])
-def test_the_first_computed_tick_is_the_one_that_was_walked(case: str) -> None:
-    """A walk that is cut: what follows its last tick is computed as it was recorded."""
-    walk = fallen(case)
-    end = len(walk.tick) - 10
-    cut = replace(walk, **{name: getattr(walk, name)[:end] for name in ARRAYS.keys() - {"landings"}})
-    longer = with_fall(cut)
-    np.testing.assert_allclose(longer.q[end], walk.q[end], atol=1e-3)
-    np.testing.assert_allclose(longer.dq[end], walk.dq[end], atol=0.2)

@@ -1,7 +1,6 @@
 """What packages declare, and that each installs and imports without ROS. Who may import whom: import-linter."""
 
 import ast
-import json
 import os
 import re
 import shutil
@@ -94,17 +93,6 @@ def test_package_xml_and_setup_cfg_say_the_same(package: str) -> None:
     cfg.read(SOURCES / package / "setup.cfg")
     for name in ("name", "version", "description", "license"):
         assert cfg["metadata"][name] == xml.findtext(name)
-
-
-def test_pip_finds_the_packages_beside(checkout: Path, tmp_path: Path) -> None:
-    options = ["--dry-run", "--no-index", "--no-build-isolation", "--report", str(tmp_path / "report.json")]
-    tops = [str(checkout / name) for name in ("own_systems", "rabbit_bringup")]  # which no other package imports
-    command = [sys.executable, "-m", "pip", "install", "--quiet", *options, *tops]
-    subprocess.run(command, check=True, timeout=300)
-    items = json.loads((tmp_path / "report.json").read_text())["install"]
-    found = {item["metadata"]["name"].replace("-", "_"): item["download_info"]["url"] for item in items}
-    assert set(PACKAGES) <= set(found)
-    assert not [url for name, url in found.items() if name in PACKAGES and not url.endswith(f"{checkout}/{name}")]
 
 
 def requirements(target: Path) -> set[str]:

@@ -174,15 +174,6 @@ def test_without_a_compiler_there_is_one_line_and_the_virtual_machine(what: str,
     assert not cache.exists() or not list(cache.iterdir())
 
 
-def test_a_process_ends_without_waiting_for_its_compiler(tmp_path: Path, cache: Path) -> None:
-    """And leaves neither the compiler nor its folder."""
-    compiler = program(tmp_path / "cc", f"echo $$ > {tmp_path}/pid; sleep 3600")
-    assert run("leave", CC=compiler) == ([[row, "False"] for row in ROWS], "")
-    if (tmp_path / "pid").exists():  # it was not stopped before it began
-        assert not Path("/proc", (tmp_path / "pid").read_text().strip()).exists()
-    assert not list(cache.iterdir())
-
-
 def test_threads_call_one_library_at_once() -> None:
     """DAQP has memory, which none may share."""
     rows = inputs(with_daqp(), 200)
@@ -207,14 +198,3 @@ def test_a_forked_process_compiles_its_own(cache: Path) -> None:
     assert os.waitpid(child, 0)[1] == 0
     function.compile(wait=True)
     assert function.fastest is not function.function
-
-
-def test_what_c_would_do_differently_stays_as_it_is(cache: Path) -> None:
-    """A root that is not found is an error, which a C function cannot raise."""
-    x, p = ca.MX.sym("x"), ca.MX.sym("p")
-    root = ca.rootfinder("root", "newton", {"x": x, "p": p, "g": x**2 - p})
-    function = NumpyFunction(ca.Function("f", [p], [root(x0=1, p=p)["x"]]), {})
-    function.compile(wait=True)
-    assert function.fastest is function.function
-    assert function(np.array([4.0])).row == pytest.approx([2.0])
-    assert not cache.exists()

@@ -126,21 +126,6 @@ def test_no_estimates_are_those_that_are_zero(solver: str) -> None:
         tick.decide(x * np.nan, p)
 
 
-def test_a_call_by_name_shares_nothing_with_the_next_one() -> None:
-    """Neither its answer nor its parameters as an array."""
-    tick, x, other = cart_tick(), np.array([0.3, 1.0]), {**DEFAULTS, "wall": 0.5}
-    first, p = tick(x, **DEFAULTS), tick.p(**DEFAULTS)
-    answer, u, given = first.values.row.tolist(), first.u.tolist(), p.tolist()
-    later, q = tick(x, **other), tick.p(**other)
-    assert (first.values.row.tolist(), first.u.tolist(), p.tolist()) == (answer, u, given)
-    assert (later.u.tolist(), q.tolist()) != (u, given)
-    assert not np.shares_memory(first.values.row, later.values.row)
-    assert not np.shares_memory(p, q)
-    q[:] = np.nan  # of which no later call may hear
-    assert tick(x, **DEFAULTS).u.tolist() == u
-    assert tick.p(**DEFAULTS).tolist() == given
-
-
 def segway_tick(plant: Any, **options: Any) -> Tick:
     v, theta, omega = (plant.symbols[name] for name in ("v", "theta", "omega"))
     slow = Barrier("slow", 3 - v - 1.2 * ca.cos(theta) * omega - 4 * ca.sin(theta), poles=(4,))
@@ -268,14 +253,6 @@ def test_an_objective_may_need_the_output_error(make_plant: Any) -> None:
     assert Tick(plant.system, [Clf(theta)]).decide(x, p, unknown).solved
     with pytest.raises(ValueError, match="output_error = None: expected"):
         Tick(plant.system, [Clf(theta)], objective=objective).decide(x, p, unknown)
-
-
-def test_a_decoupling_that_is_singular_is_not_solved() -> None:
-    """No number at the door is wrong, so it is no error: the tick has no answer."""
-    tick = Tick(System(X, U, X * U), [Clf(X - 1, gains=(1.0,))])
-    decided = tick([0.0])
-    assert (decided.solved, decided.status) == (False, "data not valid")
-    assert tick([0.5]).solved
 
 
 def test_a_reset_forgets_the_last_programme() -> None:

@@ -1,6 +1,5 @@
 """`rabbit` finds its subcommands by entry points: those of these packages, and a stranger's."""
 
-import runpy
 import signal
 import subprocess
 import sys
@@ -54,18 +53,6 @@ def here() -> dict[str, EntryPoint]:
     return {name: each for name, each in commands().items() if each.module.split(".")[0] in OURS}
 
 
-def test_the_help_text_imports_no_package_of_a_command() -> None:
-    code = """
-import sys
-from rabbit_bringup.cli import app
-from typer.testing import CliRunner
-assert CliRunner().invoke(app, ["--help"]).exit_code == 0
-print(*sorted({name.split(".")[0] for name in sys.modules if name.startswith(("rabbit_", "rl_"))}))
-"""
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == ["rabbit_bringup", "rabbit_common"]
-
-
 def test_a_strangers_command_is_listed_last_and_runs(stranger: Callable[[str], None]) -> None:
     before = list(commands())
     stranger("stranger_of_rabbit")
@@ -109,12 +96,6 @@ def test_a_command_that_a_signal_ends_has_the_shells_code(
     stranger("stranger_of_rabbit")
     monkeypatch.setattr("typer.core.TyperCommand.invoke", dance)
     assert CliRunner().invoke(app, ["dance"]).exit_code == code
-
-
-def test_a_process_that_a_command_spawns_is_not_the_command_again() -> None:
-    """As `multiprocessing` imports it there, by the name `__mp_main__`."""
-    script = runpy.run_path(str(SOURCES / "rabbit_bringup" / "bin" / "rabbit"), run_name="__mp_main__")
-    assert "main" in script
 
 
 def test_an_unknown_command_is_named() -> None:

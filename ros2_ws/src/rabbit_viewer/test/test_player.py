@@ -118,17 +118,6 @@ def test_a_link_is_the_same_walk_with_its_settings(played: Callable[..., Played]
     assert two.words["state"]["settings"] == settings
 
 
-def test_a_reset_begins_with_the_settings_and_without_what_was_done(played: Callable[..., Played]) -> None:
-    one = played().walk(30)
-    one.ask(do="push", force=250, seconds=0.1)
-    one.choose(mass_scale=1.5)
-    one.walk()
-    one.ask(do="reset")
-    one.walk()
-    assert one.words["state"]["settings"]["mass_scale"] == 1.5
-    np.testing.assert_array_equal(one.rows()["hip_x"], played(mass_scale=1.5).walk().rows()["hip_x"])
-
-
 def test_policy_and_robot_change_at_once_and_the_course_from_the_next_reset(played: Callable[..., Played]) -> None:
     one = played(mass_scale=1.0).walk(30)
     one.choose(first="nominal", mass_scale=2.0, stone_width=0.1)

@@ -273,14 +273,6 @@ def test_a_stone_stays_in_its_place_while_the_foot_falls_with_its_own(tracks):
     assert np.array(seen) == pytest.approx(np.array(expected), abs=1e-12)
 
 
-def test_a_torque_whose_change_costs_much_hardly_changes():
-    held = np.array([10.0, -20.0, 30.0, 5.0])
-    without_rows = {"objective": "pd_centred", "force_rows": False, "barrier_rows": False}
-    built = [make(**without_rows, torque_change_weight=weight) for weight in (0.0, 100.0)]
-    free, dear = (np.abs(walking.step(state(applied=held)).torque - held).max() for walking in built)
-    assert dear < 0.1 * free
-
-
 @pytest.mark.parametrize(("late_torque", "margin"), [(0.37, 0.005), (0.47, 0.01), (0.8, 0.015)])
 def test_a_stone_gets_narrower_as_far_as_torque_is_found_late(late_torque, margin):
     walking = make("rl-cbf-clf-qp", adaptation="identification", objective="pd_centred", late_margin=0.01)

@@ -65,14 +65,6 @@ def test_no_flipped_bit_of_a_checkpoint_is_taken(
     assert again.trainer.policy_file().encode() == whole.trainer.policy_file().encode()
 
 
-def test_a_kill_between_two_checkpoints_goes_on_from_the_one_before(
-    tmp_path: Path, toy_world: Any, toy_controller: Any
-) -> None:
-    list(itertools.islice(resume(Checkpoint(tmp_path, Trainer(PARAMETERS)), toy_world, toy_controller), 2))
-    (tmp_path / CHECKPOINT).unlink()
-    assert Checkpoint(tmp_path, Trainer(PARAMETERS)).trainer.episode == 1
-
-
 def test_without_a_sound_checkpoint_nothing_is_taken(tmp_path: Path, toy_world: Any, toy_controller: Any) -> None:
     list(itertools.islice(resume(Checkpoint(tmp_path, Trainer(PARAMETERS)), toy_world, toy_controller), 2))
     for name in (CHECKPOINT, BEFORE):

@@ -2,7 +2,6 @@
 
 import csv
 import itertools
-import time
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +14,6 @@ from rl_trainer.curve import CURVE, scalars
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.session import resume
 from rl_trainer.training import DivergenceError, Provenance, Trainer
-from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
-from torch.utils.tensorboard import SummaryWriter
 
 PARAMETERS = TrainingParameters(
     problem=RL_CLF_QP, episodes=4, nominal_episodes=1, batch=16, updates_least=10, hidden1=16, hidden2=12
@@ -45,45 +42,6 @@ def test_a_killed_run_resumes_with_nothing_lost(tmp_path: Path, toy_world: Any, 
     for row, report in zip(rows, reports, strict=True):
         assert {name: float(text) for name, text in row.items() if text} == scalars(report)
     assert not list(resume(Checkpoint(tmp_path / "cut", Trainer(PARAMETERS)), toy_world, toy_controller))
-
-
-def test_a_kill_after_a_checkpoint_loses_no_report(
-    tmp_path: Path, toy_world: Any, toy_controller: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    cut = Checkpoint(tmp_path, Trainer(PARAMETERS))
-    reports = resume(cut, toy_world, toy_controller)
-    next(reports)
-    with monkeypatch.context() as patch:
-        patch.setattr(SummaryWriter, "add_scalar", stopped)
-        with pytest.raises(KeyboardInterrupt):
-            next(reports)
-    wait_for_a_later_file(tmp_path / "tensorboard")
-    again = Checkpoint(tmp_path, Trainer(PARAMETERS))
-    assert [report.episode for report in resume(again, toy_world, toy_controller)] == [2, 3]
-    assert [report.episode for report in again.trainer.reports] == [0, 1, 2, 3]
-    assert logged(tmp_path) == [0, 1, 2, 3]
-
-
-def wait_for_a_later_file(folder: Path) -> None:
-    """TensorBoard reads its files in the order of their names: by second, then by how many this process has begun.
-
-    As words: after the ninth of a second comes the tenth first. A command that is called again takes longer.
-    """
-    (file,) = folder.iterdir()
-    while int(time.time()) <= int(file.name.split(".")[3]):
-        time.sleep(0.01)
-
-
-def stopped(*_: object) -> None:
-    """As by a signal."""
-    raise KeyboardInterrupt
-
-
-def logged(folder: Path) -> list[int]:
-    """The episodes that TensorBoard shows."""
-    events = EventAccumulator(str(folder / "tensorboard"))
-    events.Reload()
-    return [event.step for event in events.Scalars("episode/steps")]
 
 
 def test_learning_that_diverges_keeps_the_checkpoint(tmp_path: Path, toy_world: Any, toy_controller: Any) -> None:
