@@ -69,6 +69,7 @@ def begun(folder: Path, *words: str) -> Iterator[subprocess.Popen[str]]:
     yield process
     process.kill()
     process.wait()
+    wait_for(lambda: not running(folder))  # the next walk may be in the same namespace
 
 
 @pytest.fixture
