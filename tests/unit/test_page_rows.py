@@ -51,17 +51,6 @@ def test_stones_lie_where_the_plant_placed_them(walked: Walked) -> None:
     np.testing.assert_allclose(seen, simulation.stones[1:], atol=5e-4)  # the foot goes on within its touchdown's tick
 
 
-def test_errors_are_those_of_the_tick_before(walked: Walked) -> None:
-    records, _ = walked
-    rows, columns = rows_of(records)
-    estimated, measured = (rows[:, columns.index(f"{kind}_B1")] for kind in ("estimated", "measured"))
-    assert np.isnan([estimated[0], measured[0]]).all()
-    np.testing.assert_array_equal(estimated[1:], 0)  # of the zero policy
-    before, after = records[4].output, records[5].output
-    nominal = before.nominal_a[1] @ before.mu + before.nominal_b[1]
-    assert measured[5] == pytest.approx(after.measured[1] - nominal)
-
-
 def test_the_bound_of_V_begins_with_each_step_and_falls(walked: Walked) -> None:
     records, _ = walked
     rows, columns = rows_of(records)

@@ -5,11 +5,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from rabbit_recording import RecordingError
 from rabbit_recording.bag_writer import BagWriter, graph_types
 from rabbit_recording.commands.bag import app
 from rabbit_recording.open_recording import MCAP_MAGIC
-from rabbit_recording.reader import read_episodes
 from recorded_walk import DRAWS, MESSAGES
 from typer.testing import CliRunner
 
@@ -80,12 +78,3 @@ def test_other_message_definitions_are_refused(tmp_path: Path) -> None:
     done = CliRunner().invoke(app, ["plot", str(tmp_path / "bag")])
     assert (done.exit_code, done.stderr.count("\n")) == (2, 1), done.output
     assert "other message definitions" in done.stderr
-
-
-def test_two_graphs_in_one_recording_are_refused(tmp_path: Path) -> None:
-    writer = BagWriter(tmp_path / "bag", graph_types([MESSAGES]))
-    for topic in ("/left/state", "/right/state"):
-        writer.add(topic, "rabbit_msgs/msg/RobotState", [])
-    writer.close()
-    with pytest.raises(RecordingError, match="/left/state, /right/state"):
-        read_episodes(tmp_path / "bag")

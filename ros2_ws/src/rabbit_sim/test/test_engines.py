@@ -361,14 +361,6 @@ def test_a_foot_falls_into_a_real_gap_and_the_other_finds_its_stone(engine):
     assert by_leg[Leg.RIGHT].other_x == pytest.approx(left, abs=0.01)
 
 
-def test_a_foot_on_the_ground_is_no_touch(engine, truth):
-    q, dq = truth().start()
-    with world(engine, SimulationParameters(), q, dq, GROUND) as plant:
-        for _ in range(3):
-            plant.advance(np.zeros(4))
-            assert plant.observe().touches == ()
-
-
 def test_an_engine_repeats_itself_bit_for_bit(engine, truth):
     """After another episode in the same plant, and in a second plant beside it."""
     robot = truth()

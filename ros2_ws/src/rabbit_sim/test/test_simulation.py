@@ -136,12 +136,6 @@ def test_going_on_after_a_gap_ends_as_a_gap_fall_and_counts_one_landing(play):
     assert states[-1].touchdowns == 0
 
 
-def test_the_stance_foot_does_not_count(play):
-    states, simulation = play([up([left(0.01, 0.37)])])
-    assert states[-1].touchdowns == 0
-    assert simulation.landings == []
-
-
 @pytest.mark.parametrize(("height", "pitch"), [(0.699, 0.0), (0.75, 1.05), (0.75, -1.05)])
 def test_falls_are_by_pose(play, height, pitch):
     _, simulation = play([up(q=np.array([0, height, pitch, 0, 0, 0, 0]))])
@@ -206,24 +200,6 @@ def test_torques_are_checked(play, torque):
     _, simulation = play([])
     with pytest.raises(ValueError, match="expected four finite"):
         simulation.step(torque)
-
-
-def test_pushes_come_in_turn(play):
-    """Each 0.3 s, from the 30th tick on: 5 N s in 100 ms are 50 N, forward first."""
-    _, simulation = play([up()] * 100, push=5.0, push_interval=0.3)
-    expected = np.zeros((100, 10))
-    expected[30:40], expected[60:70], expected[90:] = 50, -50, 50
-    np.testing.assert_allclose(simulation.plant.pushes, expected)
-
-
-@pytest.mark.parametrize("plant", ["pybullet", "mujoco", "rigid"])
-def test_perfect_sensors_give_copies_of_the_truth(plant):
-    simulation = Simulation(SimulationParameters(plant=plant), GAIT)
-    state, true = simulation.reset(1), simulation.reading
-    for name in ("q", "dq", "foot_force"):
-        assert (getattr(state, name) == getattr(true, name)).all()
-        assert getattr(state, name) is not getattr(true, name)
-    simulation.close()
 
 
 @pytest.mark.parametrize(
