@@ -1,4 +1,4 @@
-"""For maintainers: faults at random ticks, soak, jitter and benchmarks of the running graph."""
+"""For maintainers: soak, jitter and benchmarks of the running graph."""
 
 from rabbit_common.threads import use_one_thread
 

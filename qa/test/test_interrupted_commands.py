@@ -1,76 +1,122 @@
 """A long command that is interrupted, at any moment and in any way, goes on when it is called again."""
 
+import csv
 import os
 import random
 import signal
+import subprocess
+import sys
 import time
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
+from rabbit_description.atomic_file import PARTIAL
 
-from .interrupted import COMMANDS, ENDING, SIGNALS, chain, disk, finished, marked, may_mount, start
+RABBIT = (sys.executable, "-c", "from rabbit_bringup.cli import main; main()")
+SIGNALS = {"INT": signal.SIGINT, "TERM": signal.SIGTERM, "KILL": signal.SIGKILL}
+MARK = "RABBIT_INTERRUPTED"  # in the environment of a command and of all that it starts
+LIMIT, ENDING = 300.0, 30.0  # s for a command; for what it has started, after it has ended
+TIMES = ("tick_ms", "plant_ms", "walk_seconds")
+FOREIGN = "notes.txt"
 
-SLOW = [pytest.param(name, seed, marks=pytest.mark.slow) for name in COMMANDS for seed in (2, 3)]
+
+def table(name: str, out: Path) -> list[dict[str, str]]:
+    """The rows of a CSV file, without times."""
+    with (out / name).open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    return [{key: value for key, value in row.items() if not any(word in key for word in TIMES)} for row in rows]
+
+
+CELL = ("--cells", "stones/scale-2", "--courses", "2")
+COMMANDS: dict[str, tuple[tuple[str, ...], Callable[[Path], Any]]] = {
+    "evaluate": (
+        ("--controller", "cbf-clf-qp", "--runs", "5", "--stones", "1", "--jobs", "2"),
+        partial(table, "runs.csv"),
+    ),
+    "benchmark": (("nominal", *CELL, "--jobs", "2"), partial(table, "benchmark.csv")),
+    "gait": (("--name", "g", "--intervals", "10"), lambda out: (out / "g.yaml").read_bytes()),
+}
 EACH = [pytest.param(name, marks=() if name == "evaluate" else pytest.mark.slow) for name in COMMANDS]
 
 
-@pytest.mark.timeout(1800)
-@pytest.mark.parametrize(("name", "seed"), [("evaluate", 1), *SLOW])
-def test_an_interrupted_command_goes_on(name: str, seed: int, tmp_path: Path) -> None:
-    """To the result of one that nobody disturbs; no process is left, and nothing foreign is lost."""
-    interruptions, wrong = chain(name, tmp_path / "disk", random.Random(seed))
-    assert [each for each in interruptions if each.wrong] == []
-    assert wrong == ""
+def start(name: str, out: Path, mark: str = "", *more: str) -> "subprocess.Popen[str]":
+    """The command in a session of its own."""
+    return subprocess.Popen(
+        [*RABBIT, name, *COMMANDS[name][0], *more, "--out", str(out)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
+        preexec_fn=partial(signal.signal, signal.SIGINT, signal.SIG_DFL),  # a shell ignores it in the background
+        env={**os.environ, MARK: mark, "COLUMNS": "200"},
+        cwd=out.parent,
+    )
 
 
-@pytest.mark.parametrize("how", ["TERM", "KILL"])
-def test_no_worker_outlives_its_command(how: str, tmp_path: Path) -> None:
-    mark, end = str(tmp_path), time.monotonic() + 120
-    process = start("evaluate", tmp_path / "out", mark, "--stones", "1000")  # a run takes minutes
-    while len(marked(mark)) < 5 and time.monotonic() < end:  # two workers, two that count resources
+def finished(name: str, out: Path) -> tuple[int, str]:
+    """Exit code and output of an undisturbed command."""
+    process = start(name, out)
+    said, _ = process.communicate(timeout=LIMIT)
+    return process.returncode, said
+
+
+def left(mark: str) -> list[int]:
+    """The processes that a command has left, after a while."""
+    end, found = time.monotonic() + ENDING, [0]
+    while found and time.monotonic() < end:
+        found = []
+        for path in Path("/proc").glob("[0-9]*/environ"):
+            with suppress(OSError):
+                if f"{MARK}={mark}\0".encode() in path.read_bytes():
+                    found.append(int(path.parent.name))
         time.sleep(0.05)
-    time.sleep(3)
-    process.send_signal(SIGNALS[how])
-    said, _ = process.communicate()
-    if how == "TERM":  # as a Ctrl-C
-        assert process.returncode == 128 + SIGNALS[how], said
-        assert "goes on" in said
-        assert "Traceback" not in said
-    else:
-        assert process.returncode == -SIGNALS[how]
-    end = time.monotonic() + ENDING
-    while marked(mark) and time.monotonic() < end:
-        time.sleep(0.05)
-    left = marked(mark)
-    for pid in left:
+    for pid in found:
         os.kill(pid, signal.SIGKILL)
-    assert left == []
+    return found
 
 
-def refusal(name: str, out: Path) -> tuple[str, int]:
-    """The one line of a command that says what is wrong, and its exit code."""
-    said, code = finished(name, out)
-    assert "Traceback" not in said
+@pytest.mark.timeout(1800)
+@pytest.mark.parametrize("name", EACH)
+def test_an_interrupted_command_goes_on(name: str, tmp_path: Path) -> None:
+    """To the result of one that nobody disturbs; no process is left, and nothing foreign is lost."""
+    result, begin = COMMANDS[name][1], time.monotonic()
+    code, said = finished(name, tmp_path / "undisturbed")
+    assert code in (0, 1), said
+    seconds, out, draw = time.monotonic() - begin, tmp_path / "out", random.Random(27)
+    for how, number in SIGNALS.items():
+        process = start(name, out, mark := f"{tmp_path}-{how}")
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(draw.uniform(0.1, 0.5) * seconds)
+        (os.killpg if how == "INT" else os.kill)(process.pid, number)
+        said, _ = process.communicate(timeout=LIMIT)
+        assert process.returncode in (-number, 128 + number), said
+        assert "Traceback" not in said or how == "KILL"  # a worker that has only just begun may miss its dead parent
+        assert left(mark) == []
+        if out.exists() and any(out.iterdir()):  # the command's own by now
+            (out / FOREIGN).write_text(FOREIGN)
+    code, said = finished(name, out)
+    assert code in (0, 1), said
+    assert result(out) == result(tmp_path / "undisturbed")
+    assert not [path for path in out.rglob(".*") if PARTIAL.fullmatch(path.name)]
+    assert not (out / FOREIGN).exists() or (out / FOREIGN).read_text() == FOREIGN
+
+
+@pytest.mark.parametrize("kind", ["size=4k", "ro"])
+def test_a_disk_that_takes_nothing_is_one_line(kind: str, tmp_path: Path) -> None:
+    (folder := tmp_path / "disk").mkdir()
+    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", kind, "none", folder], capture_output=True, check=False)
+    if mounted.returncode:
+        pytest.skip("this user may not mount a tmpfs")
+    try:
+        code, said = finished("evaluate", folder / "out")
+    finally:
+        subprocess.run(["umount", "-l", folder], check=True)
     (line,) = (line for line in said.splitlines() if line.startswith("rabbit: "))
-    return line, code
-
-
-@pytest.mark.parametrize("name", EACH)
-def test_a_full_disk_is_one_line(name: str, tmp_path: Path) -> None:
-    if not may_mount():
-        pytest.skip("this user may not mount a tmpfs")
-    with disk(tmp_path / "disk", "size=4k"):
-        line, code = refusal(name, tmp_path / "disk" / "out")
-    assert code != 0, line
-    assert f"{tmp_path / 'disk' / 'out'}" in line
-    assert "No space left on device" in line
-
-
-@pytest.mark.parametrize("name", EACH)
-def test_a_read_only_disk_is_one_line(name: str, tmp_path: Path) -> None:
-    if not may_mount():
-        pytest.skip("this user may not mount a tmpfs")
-    with disk(tmp_path / "disk", "ro"):
-        line, code = refusal(name, tmp_path / "disk" / "out")
-    assert code == 2, line
-    assert f"{tmp_path / 'disk' / 'out'}: Read-only file system" in line
+    assert code != 0
+    assert str(folder / "out") in line
+    assert ("Read-only file system" if kind == "ro" else "No space left on device") in line
+    assert "Traceback" not in said

@@ -6,115 +6,136 @@ import os
 import shutil
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from . import provenance_changes
-
-QUICK, MANY = 8, 120  # changes of each of three jobs
+PACKAGES = (
+    *("cbf_clf_qp", "rabbit_common", "rabbit_description", "rabbit_estimator", "rabbit_experiments", "rabbit_sim"),
+    *("rabbit_viewer", "rl_cbf_clf_controller", "rl_trainer"),
+)
+CHANGES = 40  # of bytes of files that the run opened or loaded
 OWN = """
-from dataclasses import dataclass, replace
-
 from rabbit_experiments.assembly import Assembly
-from rabbit_benchmark.methods import Method, method
-from rabbit_reproduce.controllers import Contender
+from own_package.late import share
 
-
-class Powerless(Assembly):
+class Weaker(Assembly):
     def build(self):
         simulation, controller = super().build()
         step = controller.step
 
-        def no_torque(state):
+        def weaker_step(state):
             output = step(state)
-            output.torque[:] = 0
+            output.torque[:] *= share
             return output
 
-        controller.step = no_torque
+        controller.step = weaker_step
         return simulation, controller
 
-
-@dataclass(frozen=True)
-class Own(Contender):
-    def assembly(self, tuning=None, /, **plant):
-        whole = super().assembly(tuning, **plant)
-        return Powerless(whole.simulation, whole.controller, whole.policy)
-
-
-flat = method("nominal").flat
-MINE = Method("mine", "mine", flat=Own(flat.title, flat.controller, flat.colour, flat.policy, tuning=flat.tuning))
+class Weakest(Weaker):
+    pass
 """
-COURSE = [("l_min", "l_max"), *[("0.3", "0.4")] * 3]
+PROGRAM = """
+import importlib, json, os, shutil, sys
+from dataclasses import replace
+from pathlib import Path
+import numpy as np
+
+folder, opened = Path(sys.argv[1]), set()
+sys.addaudithook(lambda event, given: opened.add(str(given[0])) if event == "open" else None)
+from own_package.assembly import Weaker, Weakest
+from rabbit_experiments import provenance, source_code
+from rabbit_experiments.cache import Cache
+from rabbit_experiments.evaluation import RecordedWalk, Walk
+from rabbit_sim.parameters import SimulationParameters
+from rl_cbf_clf_controller.parameters import load_parameters
+
+def job(kind=Weaker, seed=7, **changes):
+    own = {"controller": "rl-cbf-clf-qp", "gait": str(folder / "gait.yaml")}
+    tuning = load_parameters("ours", **own, **{name: changes.pop(name) for name in ("eps",) if name in changes})
+    plant = SimulationParameters(stones=1, course=str(folder / "course.csv"), **changes)
+    return Walk(kind(plant, tuning, str(folder / "rl-cbf-clf-qp.safetensors")), seed)
+
+def served(job):
+    for each in (source_code.code_of, provenance._parts, provenance.versions):
+        each.cache_clear()
+    importlib.invalidate_caches()
+    return Cache(folder / "cache").get(job) is not None
+
+Cache(folder / "cache").put(job(), job().do())
+assert served(job())
+others = [job(seed=8), job(eps=0.0500001), job(mass_scale=1.0000001), job(Weakest), RecordedWalk(job().assembly, 7)]
+wrong = [repr(each)[:300] for each in others if served(each)]
+loaded = {str(getattr(module, "__file__", "")) for module in [*sys.modules.values()]}
+files = sorted(path for path in opened | loaded if path.startswith(str(folder)) and "__pycache__" not in path)
+files = [Path(each) for each in files if Path(each).is_file() and Path(each).stat().st_size]
+own = [each for each in files if "packages" not in each.parts or "own_package" in each.parts]
+rng = np.random.default_rng(1)
+for path in [*own, *rng.choice([each for each in files if each not in own], int(sys.argv[2]), replace=False)]:
+    data, times = path.read_bytes(), path.stat()
+    changed = bytearray(data)
+    changed[rng.integers(len(data))] ^= int(rng.integers(1, 256))
+    path.write_bytes(changed)
+    os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
+    try:
+        if served(job()):
+            wrong.append(str(path))
+    except ValueError:
+        pass  # the file is refused
+    path.write_bytes(data)
+for name in ("numpy", "pybullet", "osqp", "casadi", "pin"):
+    other = folder / "packages" / f"{name}-99.dist-info"
+    other.mkdir()
+    (other / "METADATA").write_text(f"Metadata-Version: 2.1\\nName: {name}\\nVersion: 99\\n")
+    if served(job()):
+        wrong.append(name)
+    shutil.rmtree(other)
+assert served(job()), "all is as it was"
+print(json.dumps({"files": len(files), "own": [each.name for each in own], "served": wrong}))
+"""
 
 
-def run(folder: Path, *words: object) -> subprocess.CompletedProcess[str]:
-    """Python in a process of its own in `folder`, which is on its path."""
+def run(folder: Path, *words: object) -> str:
+    """Python in a process of its own in `folder`, which is on its path; what it prints."""
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join((str(folder), os.environ.get("PYTHONPATH", "")))}
     command = [sys.executable, *map(str, words)]
-    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=3600)
-
-
-def rabbit(folder: Path, *words: object) -> str:
-    """The command's output."""
-    done = run(folder, "-c", "from rabbit_bringup.cli import app; app()", *words)
+    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=3600)
     assert done.returncode == 0, done.stderr
     return done.stdout
 
 
-def rows(path: Path) -> list[dict[str, str]]:
-    """Of a table."""
-    with path.open() as file:
-        return list(csv.DictReader(file))
-
-
-@pytest.mark.parametrize("what", ["walk", "own", "training"])
-@pytest.mark.parametrize("changes", [QUICK, pytest.param(MANY, marks=[pytest.mark.slow, pytest.mark.timeout(1800)])])
-def test_after_a_single_change_no_old_result_is_served(tmp_path: Path, what: str, changes: int) -> None:
-    pytest.importorskip("mujoco")
-    provenance_changes.make_workspace(tmp_path)
-    done = run(tmp_path / "packages", provenance_changes.__file__, tmp_path, what, changes, 1)
-    assert done.returncode == 0, done.stderr
-    found: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
-    print(found)
-    assert sum(found["made"].values()) == changes
-    assert found["files"]["project code"] > 50
+@pytest.mark.timeout(1800)
+def test_after_a_single_change_no_old_result_is_served(tmp_path: Path) -> None:
+    """Of seed, parameters, class, a library's version, or one byte of what the run read or imported."""
+    packages = tmp_path / "packages"
+    for name in PACKAGES:
+        (source,) = find_spec(name).submodule_search_locations
+        shutil.copytree(source, packages / name, ignore=shutil.ignore_patterns("__pycache__"))
+    (packages / "own_package").mkdir()
+    for name, text in {"__init__": "", "assembly": OWN, "late": "share = 0.95\n"}.items():
+        (packages / "own_package" / f"{name}.py").write_text(text)
+    shutil.copy(packages / "rabbit_description/gaits/stones_0350_084.yaml", tmp_path / "gait.yaml")
+    shutil.copy(packages / "rl_cbf_clf_controller/policies/rl-cbf-clf-qp.safetensors", tmp_path)
+    (tmp_path / "course.csv").write_text("l_min,l_max\n" + "0.3,0.4\n" * 5)
+    found: dict[str, Any] = json.loads(run(packages, "-c", PROGRAM, tmp_path, CHANGES).splitlines()[-1])
+    assert found["files"] > 50
+    assert {*found["own"]} >= {"gait.yaml", "course.csv", "rl-cbf-clf-qp.safetensors", "assembly.py", "late.py"}
     assert found["served"] == []
 
 
-def test_a_method_with_an_assembly_of_its_own_is_walked_itself(tmp_path: Path) -> None:
-    (tmp_path / "own_method.py").write_text(OWN)
-    information = tmp_path / "own_method-1.0.dist-info"
-    information.mkdir()
-    (information / "METADATA").write_text("Metadata-Version: 2.1\nName: own_method\nVersion: 1.0\n")
-    (information / "entry_points.txt").write_text("[rabbit.methods]\nmine = own_method:MINE\n")
-    words = ("--cells", "flat/scale-1", "--courses", 2, "--jobs", 1, "--out", "out")
-    assert "2 runs made" in rabbit(tmp_path, "benchmark", "nominal", *words)
-    assert "2 runs made" in rabbit(tmp_path, "benchmark", "nominal", "mine", *words)
-    walked = {row["method"]: row["walked"] for row in rows(tmp_path / "out" / "benchmark.csv")}
-    assert walked == {"nominal": "2", "mine": "0"}
-
-
 def test_an_edited_course_is_walked_again_in_every_run(tmp_path: Path) -> None:
-    course = tmp_path / "course.csv"
-    times = None
-    for far in ("0.4", "0.41"):
-        with course.open("w") as file:
-            csv.writer(file).writerows([*COURSE[:-1], ("0.3", far)])
+    course, times = tmp_path / "course.csv", None
+    for runs, far in enumerate(("0.4", "0.41"), start=1):
+        course.write_text("l_min,l_max\n0.3,0.4\n0.3,0.4\n" + f"0.3,{far}\n")
         if times:
             os.utime(course, ns=(times.st_atime_ns, times.st_mtime_ns))  # as `cp -p` leaves it
         times = course.stat()
-        out = rabbit(
-            tmp_path, "evaluate", "--course", course, "--stones", 3, "--runs", 1 + (far == "0.41"), "--out", "o"
-        )
+        words = ("evaluate", "--course", course, "--stones", 3, "--runs", runs, "--out", "o")
+        out = run(tmp_path, "-c", "from rabbit_bringup.cli import app; app()", *words)
     assert "1 results here were made with another" in out
     assert "course.csv: made again" in out
     assert "2 runs made" in out
-    summary = json.loads((tmp_path / "o" / "summary.json").read_text())
-    assert [row["run"] for row in rows(tmp_path / "o" / "runs.csv")] == ["0", "1"]
-    shutil.rmtree(tmp_path / "o" / "cache")
-    assert "2 runs made" in rabbit(tmp_path, "evaluate", "--course", course, "--stones", 3, "--runs", 2, "--out", "o")
-    again = json.loads((tmp_path / "o" / "summary.json").read_text())
-    assert again["made_with"] == summary["made_with"]
-    assert again["mean_stones"] == summary["mean_stones"]
+    with (tmp_path / "o" / "runs.csv").open() as file:
+        assert [row["run"] for row in csv.DictReader(file)] == ["0", "1"]

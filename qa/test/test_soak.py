@@ -1,20 +1,14 @@
 """Does a soak find what grows, leaks, slows down, falls or is not answered, and only that?"""
 
 import json
-import random
-from collections import Counter
-from itertools import islice
 from typing import Any
 
 import numpy as np
 import pytest
-from rabbit_campaigns.soak import LAUNCHER, WARM_UP, judge
+from rabbit_campaigns.soak import LAUNCHER, judge
 from rabbit_campaigns.soak_operations import (
-    KINDS,
-    draw_kinds,
     idle_policy,
     judge_walk,
-    unfit_policy,
 )
 from rabbit_description.gait import load_gaits
 from rabbit_recording.reader import RecordedEpisode
@@ -44,15 +38,6 @@ def test_a_steady_hour_keeps_every_bar() -> None:
     drift, low, high = figures["cpu_drift"]
     assert low <= drift <= high
     assert json.loads(json.dumps(figures)) == figures
-
-
-def test_a_soak_of_a_few_samples_is_judged() -> None:
-    few = {name: values[[0, 300, 600, 719]] for name, values in samples().items()}
-    assert judge(few)["bars_kept"]["memory"]
-
-
-def test_a_start_that_takes_memory_does_not_count() -> None:
-    assert judge(samples(memory=np.where(SECONDS < WARM_UP, 50.0, 100.0)))["bars_kept"]["memory"]
 
 
 def test_a_walk_that_other_work_slows_has_no_drift() -> None:
@@ -97,26 +82,6 @@ def test_all_episodes_walk_but_those_that_the_operator_ended() -> None:
 @pytest.mark.parametrize("end", [FAULT, ("fall", ""), ("silent", ""), ("reset", "the simulator was started again")])
 def test_what_did_not_walk_is_named(end: tuple[str, str]) -> None:
     assert judge_walk(episodes(WALKED, end, WALKED), resets=1)["walks"]["fell"] == [[2, 0, *end]]
-
-
-def test_a_reset_that_nobody_asked_for_is_a_fault() -> None:
-    assert len(judge_walk(episodes(RESET, RESET), resets=1)["walks"]["fell"]) == 1
-
-
-def test_ticks_that_are_not_recorded_count_but_for_the_last_episode() -> None:
-    found = episodes(WALKED, WALKED)
-    found[0].lost, found[-1].lost = 3, 5
-    assert judge_walk(found, resets=0)["ticks_not_recorded"] == 3
-
-
-def test_operations_are_drawn_from_the_seed_all_kinds_alike() -> None:
-    drawn = list(islice(draw_kinds(random.Random(1)), 10 * len(KINDS)))
-    assert drawn == list(islice(draw_kinds(random.Random(1)), 10 * len(KINDS)))
-    assert set(Counter(drawn).values()) == {10}
-
-
-def test_there_is_a_shipped_policy_that_does_not_fit() -> None:
-    assert unfit_policy(ControllerParameters(controller="rl-cbf-clf-qp")).is_file()
 
 
 def test_the_policy_of_a_soak_fits_and_estimates_nothing() -> None:

@@ -15,7 +15,6 @@ import numpy as np
 from rabbit_description.gait import Gait
 from rabbit_description.state import SWAP_STATE, Array
 from rabbit_gait_design.pinocchio_model import PinocchioModel
-from rabbit_gait_design.zero_dynamics import ZeroDynamics, loaded_model
 from rl_cbf_clf_controller.virtual_constraints import VirtualConstraints
 from scipy.integrate import solve_ivp
 
@@ -33,26 +32,6 @@ class Step:
     duration: float
     torque: Array
     force: Array
-
-
-@dataclass(frozen=True)
-class PayloadReport:
-    """A gait under one payload with perfect knowledge; nan where there is no fixed point. SI units."""
-
-    payload: float
-    least_phase_rate: float
-    phase_rate: float = np.nan
-    eigenvalue: float = np.nan
-    step_time: float = np.nan
-    step_length: float = np.nan
-    peak_torque: float = np.nan
-    friction_used: float = np.nan
-    least_normal_force: float = np.nan
-
-    @property
-    def has_fixed_point(self) -> bool:
-        """Whether the robot walks on for ever."""
-        return bool(np.isfinite(self.phase_rate))
 
 
 class OracleWalk:
@@ -154,28 +133,3 @@ def pinned_state(model: PinocchioModel, q: Array, dq: Array) -> tuple[Array, Arr
     feet = model.update(q, dq)
     q[:2], dq[:2] = feet.hip, feet.hip_rate
     return q, dq
-
-
-def under_payload(gait: Gait, payload: float, eps: float = 0.05) -> PayloadReport:
-    """Fixed point, eigenvalue and least phase rate of `gait` with `payload` kg on the torso."""
-    model = loaded_model(payload, slope=gait.slope)
-    walk = OracleWalk(gait, model, eps)
-    least = ZeroDynamics(gait, model).least_phase_rate()
-    q, dq = gait.x_start
-    for haste in (1.0, 1.15, 1.3):
-        taken = fixed_point(walk, *pinned_state(model, q, haste * dq))
-        if taken is not None:
-            break
-    if taken is None:
-        return PayloadReport(payload, least)
-    return PayloadReport(
-        payload=payload,
-        least_phase_rate=least,
-        phase_rate=walk.phase_rate(taken.q, taken.dq),
-        eigenvalue=poincare_eigenvalue(walk, taken.q, taken.dq),
-        step_time=taken.duration,
-        step_length=float(-model.update(taken.q, taken.dq).swing[0]),
-        peak_torque=float(np.abs(taken.torque).max()),
-        friction_used=float(np.abs(taken.force[:, 0] / taken.force[:, 1]).max()),
-        least_normal_force=float(taken.force[:, 1].min()),
-    )

@@ -1,26 +1,20 @@
 """The benchmark: its statistics, its cells and storm, methods of someone else, and a run that goes on."""
 
 import csv
-import subprocess
-import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 
 import pytest
-from rabbit_benchmark import methods
-from rabbit_benchmark.cells import TERRAINS, CellError, Map, Terrain, cells, chosen, storm, storm_plant
+from rabbit_benchmark.cells import TERRAINS, Map, Terrain, cells, chosen, storm, storm_plant
 from rabbit_benchmark.commands.benchmark import app
 from rabbit_benchmark.comparison import holm, paired
 from rabbit_benchmark.families import Split, families
-from rabbit_benchmark.methods import BUILT_IN, MethodError, method, variants
+from rabbit_benchmark.methods import BUILT_IN, method
 from rabbit_benchmark.protocol import SEEDS, Protocol, plan
 from rabbit_benchmark.report import Benchmark
-from rabbit_benchmark.table import BenchmarkRow, Table, by_course
 from rabbit_experiments.cache import Cache
 from rabbit_experiments.engine import run
 from rabbit_sim.parameters import SimulationParameters
-from rl_cbf_clf_controller.parameters import load_parameters
 from typer.testing import CliRunner
 
 TINY = Protocol(courses=1, stones=1)
@@ -48,23 +42,6 @@ def test_holm_multiplies_the_least_by_all_and_never_decreases() -> None:
     assert holm([0.01, 0.04, 0.03]) == pytest.approx([0.03, 0.06, 0.06])
     assert holm([0.9, 0.8]) == [1, 1]
     assert holm([]) == []
-
-
-def test_a_table_gives_its_comparisons_again(tmp_path: Path) -> None:
-    ended = {"one": [True] * 5 + [True, False], "other": [False] * 5 + [True, False]}
-    rows = [
-        BenchmarkRow(method=name, cell=cell, walked=sum(each), courses=len(each), by_course=by_course(each))
-        for cell in ("a", "b")
-        for name, each in ended.items()
-    ]
-    old = [BenchmarkRow(method=name, cell="c", walked=3, courses=7) for name in ("one", "other")]
-    blank = BenchmarkRow(method="one", cell="d", reason="no controller for d")
-    Table([*rows, *old, blank]).write(tmp_path / "table.csv")
-    table = Table.read(tmp_path / "table.csv")
-    assert table.paired("one", "other", ["a", "b", "d"]) == paired(ended["one"] * 2, ended["other"] * 2)
-    assert table.paired("one", "other", ["a", "c"]) is None, "an old row does not say how each course ended"
-    assert table.walked_more("other") == {"a": ["one"], "b": ["one"]}
-    assert table.walked_more("one") == {}
 
 
 def test_every_cell_is_a_plant() -> None:
@@ -99,36 +76,6 @@ def test_methods_share_courses_and_cells_do_not() -> None:
     assert seeds["nominal", one.name] == seeds["identified", one.name] != seeds["nominal", other.name]
 
 
-def test_cells_are_chosen_by_name_pattern_or_map() -> None:
-    assert [cell.name for cell in chosen(["storm", "flat/scale-1"])] == ["stones/storm", "flat/scale-1", "flat/storm"]
-    assert {cell.map for cell in chosen(["inside"])} == {"inside"}
-    maps = get_args(Map)
-    assert sum(len(chosen([each])) for each in maps) == len(cells())
-
-
-def test_with_a_lab_s_sensors_the_courses_are_the_same() -> None:
-    one, cell = method("best"), cells()["flat/scale-1"]
-    exact, lab = (Protocol(courses=2, sensors=each).walks(one, cell) for each in ("exact", "lab"))
-    assert [walk.seed for walk in exact] == [walk.seed for walk in lab]
-    assert {walk.assembly.simulation.sensors for walk in exact} == {"exact"}
-    assert {walk.assembly.simulation.sensors for walk in lab} == {"lab"}
-
-
-def test_the_method_best_is_the_parameter_file_best() -> None:
-    best = method("best")
-    assert best.stones
-    assert best.flat
-    assert best.stones.assembly().controller == load_parameters("best")
-    assert best.flat.assembly().controller == load_parameters("best", "flat")
-
-
-def test_an_unknown_cell_or_method_is_named() -> None:
-    with pytest.raises(CellError, match="flat/moon"):
-        chosen(["flat/moon"])
-    with pytest.raises(MethodError, match="nobody"):
-        method("nobody")
-
-
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -142,13 +89,6 @@ def test_what_nobody_could_walk_is_refused(words: list[str], said: str, tmp_path
     refused = CliRunner().invoke(app, [*words, "--cells", "stones/scale-2", "--out", str(tmp_path / "out")])
     assert (refused.exit_code, said in refused.stderr) == (2, True), refused.stderr
     assert not (tmp_path / "out").exists()
-
-
-def test_what_an_entry_point_brings_must_be_a_method(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(methods.plugins, "names", lambda group: ("mine",))
-    monkeypatch.setattr(methods.plugins, "load", lambda group, name: "text")
-    with pytest.raises(MethodError, match="expected a Method"):
-        method("mine")
 
 
 def test_a_benchmark_goes_on_and_leaves_a_blank_with_its_reason(tmp_path: Path) -> None:
@@ -167,24 +107,6 @@ def test_a_benchmark_goes_on_and_leaves_a_blank_with_its_reason(tmp_path: Path) 
     assert (tmp_path / "cells.png").stat().st_size > 0
 
 
-def test_a_map_s_courses_are_those_of_its_cells(tmp_path: Path) -> None:
-    entered = [each for each in BUILT_IN if each.name in ("nominal-pd", "robust")]
-    wanted, cache = chosen(["flat/scale-1", "flat/scale-3", "flat/scale-2-slope-2"]), Cache(tmp_path / "cache")
-    runs = plan(TINY, entered, wanted)
-    run([job for each in runs.values() if not isinstance(each, str) for job in each], cache)
-    page = Benchmark.from_cache(TINY, entered, wanted, runs, cache).write(tmp_path).read_text()
-    rows = csv.DictReader((tmp_path / "benchmark.csv").open())
-    cell = wanted[0]
-    (ended,) = (cache.get(job).row.success for job in runs[entered[0], cell])
-    assert Table.read(tmp_path / "benchmark.csv").rows["nominal-pd", cell.name].outcomes == [ended]
-    inside = sum(int(row["walked"]) for row in rows if row["method"] == "nominal-pd" and "slope" not in row["cell"])
-    lines = [line for line in page.partition("each map")[2].splitlines() if line.startswith("| ")]
-    assert lines[0] == "| method | inside, flat | outside, flat |"
-    nominal, robust = (line.split(" | ") for line in lines[2:4])
-    assert nominal[1].startswith(f"{inside} of 2 (")
-    assert robust[1:] == ["", " |"]
-
-
 def test_a_plant_of_a_family_is_drawn_by_its_seed_within_its_ranges() -> None:
     for cell in chosen(get_args(Split)):
         family = families().families[cell.name.split("/")[1]]
@@ -197,38 +119,6 @@ def test_a_plant_of_a_family_is_drawn_by_its_seed_within_its_ranges() -> None:
             assert plant.keys() == ranges.keys()
             assert all(low <= plant[name] <= high for name, (low, high) in ranges.items())
             SimulationParameters.model_validate(plant)
-
-
-def test_each_plant_of_the_second_storm_can_be_built() -> None:
-    own, unseen = set[str](), set[str]()
-    for family in families().families.values():
-        (unseen if family.split == "unseen" else own).update({**(family.stones or {}), **(family.flat or {})})
-    seen: set[str] = set()
-    for cell in chosen(["storm-2"]):
-        for number in range(200):
-            plant = cell.plant(number, SEEDS["development"])
-            seen.update(plant)
-            SimulationParameters.model_validate(plant)
-    assert own <= seen
-    assert not unseen & seen
-
-
-def test_a_variant_of_a_method_has_its_parameters_and_a_name_of_its_own() -> None:
-    found = variants("nominal-pd:eps=0.02,0.03:gait=slopes")
-    assert [each.name for each in found] == ["nominal-pd:eps=0.02:gait=slopes", "nominal-pd:eps=0.03:gait=slopes"]
-    for each, eps in zip(found, (0.02, 0.03), strict=True):
-        for terrain in TERRAINS:
-            contender = each.on(terrain)
-            assert contender is not None
-            own = contender.assembly().controller
-            assert (own.eps, own.gait, own.objective) == (eps, "slopes", "pd_centred")
-    assert variants("best") == [method("best")]
-
-
-@pytest.mark.parametrize("text", ["nominal:epsilon=1", "nominal:eps", "nobody:eps=0.02"])
-def test_a_variant_of_nothing_is_refused(text) -> None:
-    with pytest.raises(MethodError, match="expected"):
-        variants(text)
 
 
 @pytest.mark.parametrize("terrain", TERRAINS)
@@ -251,32 +141,3 @@ def test_nothing_is_tuned_on_reported_families(terrain: Terrain) -> None:
     tuned = method("nominal-tuned")
     assert tuned.on(terrain, "unseen") == tuned.on(terrain, "reported") == tuned.on(terrain, "development")
     assert tuned.on(terrain, "storm-2") == tuned.on(terrain, "storm")
-
-
-def test_a_cell_is_walked_with_the_parameters_of_its_map() -> None:
-    base = method("nominal-pd")
-    own = replace(base, tuned={("outside", "flat"): {"eps": 0.011}})
-    eps = {
-        cell.map: TINY.walks(own, cell)[0].assembly.controller.eps
-        for cell in chosen(["flat/scale-1", "flat/scale-2-slope-1"])
-    }
-    (usual,) = (TINY.walks(base, cell)[0].assembly.controller.eps for cell in chosen(["flat/scale-1"]))
-    assert eps == {"inside": usual, "outside": 0.011}
-
-
-def test_a_variant_of_a_method_tuned_by_map_has_its_parameters_on_all_maps() -> None:
-    (found,) = variants("nominal-tuned:eps=0.033")
-    contenders = [found.on(terrain, where) for terrain in TERRAINS for where in get_args(Map)]
-    assert {each and each.assembly().controller.eps for each in contenders} == {0.033}
-
-
-def test_the_nominal_method_at_its_best_is_the_parameter_file_inside() -> None:
-    for terrain in TERRAINS:
-        contender = method("nominal-tuned").on(terrain, "inside")
-        assert contender is not None
-        assert contender.assembly().controller == load_parameters("nominal_tuned", terrain)
-
-
-def test_a_benchmark_needs_no_torch() -> None:
-    code = "import sys, rabbit_benchmark.report, rabbit_benchmark.methods; sys.exit('torch' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", code], check=False, timeout=60).returncode == 0

@@ -1,18 +1,13 @@
 """Results are found again by content: same content, no run; changed content, a new one; a stopped one goes on."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
-from rabbit_experiments import cache as cache_module
-from rabbit_experiments.assembly import Assembly
-from rabbit_experiments.cache import Cache, Job, JobError
+from rabbit_experiments.cache import Cache, Job
 from rabbit_experiments.engine import run
 from rabbit_experiments.evaluation import RecordedWalk, SeededRun, Walk
-from rabbit_experiments.provenance import plain, provenance
-from rabbit_experiments.source_code import CodeError
 from rabbit_reproduce.controllers import CBF_CLF
 from rabbit_reproduce.feasibility import JudgedWalk
 
@@ -70,82 +65,6 @@ def test_a_changed_job_has_another_key(tmp_path: Path, other: Job) -> None:
     cache = Cache(tmp_path)
     assert cache.key(other) != cache.key(JOB)
     assert cache.key(JOB) == Cache(tmp_path / "elsewhere").key(JOB)
-
-
-def test_judges_are_part_of_the_key(tmp_path: Path) -> None:
-    one, two = (JudgedWalk(JOB.assembly, JOB.seed, (JOB.assembly,) * n) for n in (1, 2))
-    assert Cache(tmp_path).key(one) != Cache(tmp_path).key(two)
-
-
-def test_another_version_of_the_code_runs_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, counted: list[int], capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run([JOB], Cache(tmp_path), 1) == 1
-    other = {**provenance(plain(JOB)), "numpy": "9.9"}
-    monkeypatch.setattr(cache_module, "provenance", lambda asked, hash_file=None: other)
-    assert run([JOB], Cache(tmp_path), 1) == 1
-    assert counted == [7, 7]
-    assert "1 results here were made with another numpy: made again" in capsys.readouterr().out
-    monkeypatch.undo()
-    assert Cache(tmp_path).get(JOB) is not None  # changed back
-
-
-def test_what_a_result_is_made_with_is_named(tmp_path: Path) -> None:
-    run([JOB], Cache(tmp_path), 1)
-    (about,) = (tmp_path / "made_with").iterdir()
-    named = json.loads(about.read_text())
-    assert {"python", "numpy", "pinocchio", "pybullet", "osqp", "casadi"} <= named.keys()
-    assert {"rabbit_sim", "rl_cbf_clf_controller", "cbf_clf_qp", "rabbit_description"} <= named.keys()
-    (result,) = tmp_path.rglob("*.json.gz")
-    assert result.name.endswith(f"-{about.stem}.json.gz")
-
-
-def test_a_file_that_changes_during_a_run_spoils_its_result(tmp_path: Path) -> None:
-    course = tmp_path / "course.csv"
-    course.write_text("l_min,l_max\n" + "0.3,0.4\n" * 3)
-    job, cache = plant(JOB, course=str(course)), Cache(tmp_path / "cache")
-    assert cache.get(job) is None
-    course.write_text("l_min,l_max\n" + "0.3,0.41\n" * 3)
-    with pytest.raises(JobError, match=r"course\.csv changed"):
-        cache.put(job, JOB.do())
-    assert cache.get(job) is None
-
-
-def test_a_class_made_by_a_function_cannot_be_kept(tmp_path: Path) -> None:
-    class Mine(Assembly):
-        pass
-
-    inside = Mine(JOB.assembly.simulation, JOB.assembly.controller, "zero")
-    with pytest.raises(CodeError, match="top level of a module"):
-        Cache(tmp_path).key(replace(JOB, assembly=inside))
-
-
-def test_ctrl_c_loses_only_the_run_under_way(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, counted: list[int]
-) -> None:
-    wanted = [replace(JOB, seed=seed) for seed in (1, 2, 3)]
-    noted = Walk.do
-
-    def stopped(job: Walk) -> Any:
-        if job.seed == 3:
-            raise KeyboardInterrupt
-        return noted(job)
-
-    with monkeypatch.context() as patch:
-        patch.setattr(Walk, "do", stopped)
-        with pytest.raises(KeyboardInterrupt):
-            run(wanted, Cache(tmp_path), 1)
-    assert run(wanted, Cache(tmp_path), 1) == 1
-    assert counted == [1, 2, 3]
-
-
-def test_a_broken_file_is_run_again(tmp_path: Path) -> None:
-    cache = Cache(tmp_path)
-    run([JOB], cache, 1)
-    (file,) = tmp_path.rglob("*.json.gz")
-    file.write_bytes(file.read_bytes()[:40])
-    assert cache.get(JOB) is None
-    assert run([JOB], cache, 1) == 1
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import pytest
 import torch
 from rabbit_residual.fleet import Rollout
 from rabbit_residual.ppo import PpoParameters
-from rabbit_residual.sac import Replay, Sac, SacParameters
+from rabbit_residual.sac import Sac, SacParameters
 from rabbit_residual.session import SessionError
 from rabbit_rivals.dagger import Dagger, DaggerParameters
 from rabbit_rivals.end_to_end import Options, options, train
@@ -52,17 +52,6 @@ def test_sac_learns_which_action_is_rewarded_and_keeps_its_entropy() -> None:
     assert -float(log_p.mean()) == pytest.approx(-1.0, abs=0.35)
 
 
-def test_its_critics_alone_read_what_is_known_of_the_plant() -> None:
-    """The reward is that number: the critics say it, whatever is done."""
-    learner = Sac(1, 1, 1, SacParameters(hidden=32, learning_rate=3e-3, batch=64, every=4, first=256), seed=1)
-    bandit(learner, lambda reads, known, said: known, 60)
-    with torch.no_grad():
-        found = learner._value(
-            learner._critics, torch.tensor([[1.0], [1.0]]), torch.tensor([[-1.0], [1.0]]), torch.zeros(2, 1)
-        )
-    assert found.numpy() == pytest.approx(np.array([[-1.0, -1.0], [1.0, 1.0]]), abs=0.1)
-
-
 def test_a_student_learns_what_its_teacher_says_and_nothing_where_it_says_nothing() -> None:
     """0.4 sign(x) where there is an answer, whatever comes of it; the teacher's share halves each 1,000 ticks."""
     student, rng = Dagger(1, 1, DaggerParameters(hidden=32, learning_rate=3e-3, every=4, half=1000), seed=1), np.random
@@ -75,27 +64,6 @@ def test_a_student_learns_what_its_teacher_says_and_nothing_where_it_says_nothin
     both = np.array([[-1.0], [1.0]], np.float32)
     assert Actor(student.arrays())(both)[:, 0] == pytest.approx([-0.4, 0.4], abs=0.02)
     assert student.act(both) == pytest.approx(Actor(student.arrays())(both))
-
-
-def test_a_transition_stays_within_its_rollout_and_its_episode() -> None:
-    """What is read counts ticks and robots, so what follows is one more, and the same where an episode ended."""
-    replay, rng, added = Replay(120), np.random.default_rng(1), 0
-    for number in range(7):
-        ticks = np.arange(6)[:, None] + 100 * number + 1000 * np.arange(4)
-        ended = rng.random(ticks.shape) < 0.3
-        one = ticks[:, :, None].astype(float)
-        whole = Rollout(one, one, one, ticks.astype(float), ended, ended & (ticks % 2 == 0))
-        halves = [Rollout(*(value[:, part] for value in vars(whole).values())) for part in (slice(3), slice(3, 4))]
-        added = replay.add(halves)
-        assert added == min(20 * (number + 1), 120)
-    again = Replay(120)
-    again.restore(replay.state())
-    found = again.sample(3000, rng)
-    reads, after = (found[name][:, 0].numpy() for name in ("reads", "after_reads"))
-    assert set(reads % 100) == set(range(5))
-    assert set(reads % 1000 // 100) == {1, 2, 3, 4, 5, 6}
-    assert np.array_equal(after, np.where(found["ended"], reads, reads + 1))
-    assert np.array_equal(found["reward"].numpy(), reads)
 
 
 @pytest.mark.parametrize("learner", list(SMALL))
@@ -120,23 +88,6 @@ def steps(state) -> float:
     """That the actor's optimiser has made."""
     adam = state["adam"] if "adam" in state else state["adams"][0]
     return next(iter(adam["state"].values()), {"step": torch.tensor(0.0)})["step"].item()
-
-
-@pytest.mark.parametrize("learner", list(SMALL))
-def test_a_session_that_was_stopped_goes_on_from_what_it_kept(learner: str, tmp_path: Path) -> None:
-    def stop(line: str) -> None:
-        raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        train(small(learner, 96), tmp_path, stop)
-    with (tmp_path / "curve.csv").open("a") as curve:
-        curve.write("64,0.1,what a killed session wrote after it had kept its state\n96,")
-    assert read(train(small(learner, 96), tmp_path, quiet), NetworkAbout).about.ticks == 96
-    head, *lines = [line.split(",") for line in (tmp_path / "curve.csv").read_text().splitlines()]
-    assert [line[0] for line in lines] == ["32", "64", "96"]
-    assert {len(line) for line in lines} == {len(head)}
-    hours = [float(line[1]) for line in lines]
-    assert hours == sorted(hours)
 
 
 @pytest.mark.parametrize("learner", list(SMALL))

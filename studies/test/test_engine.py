@@ -43,18 +43,6 @@ def test_a_job_without_a_result_leaves_the_others(tmp_path: Path, monkeypatch: p
     assert [Cache(tmp_path).get(job) is None for job in WANTED] == [True, False, False, False]
 
 
-def test_each_result_is_noted_once_it_is_kept(tmp_path: Path) -> None:
-    cache, noted = Cache(tmp_path), []
-
-    def note(job: Walk, result: Any) -> str:
-        noted.append((job.seed, cache.get(job) == result))
-        return ""
-
-    engine.run(WANTED[:1], cache, 1, note=note)
-    engine.run(WANTED[:2], cache, 1, note=note)
-    assert noted == [(0, True), (1, True)]
-
-
 @pytest.mark.parametrize("number", engine.ENDING)
 def test_a_signal_while_workers_start_is_heard_afterwards(number: int) -> None:
     """Also where another thread catches it, as that of the progress bar may."""

@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from cbf_clf_qp.functions import NumpyFunction, Values, packed
-from hypothesis import assume, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy_steps import Steps
 from rabbit_description import DEFAULT_GAIT, LIBRARIES
@@ -15,15 +15,14 @@ from rabbit_description.gait import Gait, GaitError, GaitLibrary, load_gait, loa
 from rabbit_description.state import Array, StonePreview
 from rabbit_description.yaml_file import dump_yaml, read_mapping
 from rabbit_gait_design import GaitSpecification
-from rabbit_gait_design.library import library_specifications, outwards
+from rabbit_gait_design.library import library_specifications
 from rabbit_gait_design.orbit import Orbit
 from rabbit_gait_design.pinocchio_model import PinocchioModel
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.robot_numbers import read_robot
-from rl_cbf_clf_controller.step_begin import FADED, LEAST_RATE, LEAST_WIDTH
-from rl_cbf_clf_controller.step_landing import DEPTH, LATE, Legs, descent, landing_at
+from rl_cbf_clf_controller.step_landing import Legs, descent, landing_at
 from rl_cbf_clf_controller.step_paths import GaitExpressions, Shape, StepPath, gait_row
-from rl_cbf_clf_controller.virtual_constraints import RABBIT_ANGLES, VirtualConstraints, gradual_line
+from rl_cbf_clf_controller.virtual_constraints import VirtualConstraints, gradual_line
 
 NAME = "wide"
 LIBRARY = load_gaits(NAME)
@@ -33,7 +32,6 @@ CONTENT: dict[str, Any] = read_mapping(LIBRARIES / f"{NAME}.yaml")
 LENGTHS = st.floats(LIBRARY.lengths[0], LIBRARY.lengths[-1])
 SLOPED = load_gaits("slopes")
 assert isinstance(SLOPED, GaitLibrary)
-SLOPES = st.floats(SLOPED.slopes[0], SLOPED.slopes[-1])
 MODEL, ROBOT, PARAMETERS = PinocchioModel(), read_robot(), ControllerParameters()
 
 
@@ -120,18 +118,6 @@ def test_a_step_begins_as_one_gait_and_ends_as_the_other(taken: float, wanted: f
         np.testing.assert_allclose(*ends, atol=1e-12)
 
 
-@given(taken=LENGTHS, wanted=LENGTHS, seed=st.integers(0, 2**16))
-def test_a_step_begins_without_error_and_ends_on_its_path(taken: float, wanted: float, seed: int) -> None:
-    q, dq = landed(taken, seed)
-    outputs, own = begun(wanted, q, dq)
-    assume(own.evaluate(q, dq).phase_rate >= LEAST_RATE)  # of one that hardly moves forward only y is continuous
-    np.testing.assert_allclose(outputs.evaluate(q, dq).eta, 0.0, atol=1e-9)
-    ended = max(FADED, own.evaluate(q, dq).phase + LEAST_WIDTH)
-    later = q.copy()
-    later[2] += (ended + 0.01 - own.evaluate(q, dq).phase) / own.scale[0]
-    np.testing.assert_allclose(outputs.evaluate(later, dq).eta, own.evaluate(later, dq).eta, atol=1e-12)
-
-
 @given(taken=LENGTHS, wanted=LENGTHS, seed=st.integers(0, 2**16), time=st.floats(0.01, 0.3))
 @settings(max_examples=50)
 def test_rates_and_accelerations_are_derivatives(taken: float, wanted: float, seed: int, time: float) -> None:
@@ -156,11 +142,6 @@ def test_a_library_of_one_gait_is_that_gait() -> None:
     outputs = steps.begin(np.concatenate([q, dq]), stone=stone_at(0.525))
     assert outputs.evaluate(q, dq).eta == pytest.approx(VirtualConstraints(gait).evaluate(q, dq).eta, abs=1e-12)
     np.testing.assert_array_equal(library.x_start, gait.x_start)
-
-
-def test_an_episode_begins_with_the_start_s_gait() -> None:
-    start = LIBRARY.gaits[LIBRARY.lengths.index(LIBRARY.start_length)]
-    np.testing.assert_array_equal(LIBRARY.x_start, start.x_start)
 
 
 @pytest.mark.parametrize("gait", SHIPPED, ids=lambda gait: gait.name)
@@ -190,14 +171,8 @@ def with_gait(index: int, **fields: Any) -> dict[str, Any]:
     ("content", "words"),
     [
         (changed(gaits=CONTENT["gaits"][2::-1]), "in each increasing step lengths"),
-        (with_gait(1, step_length=CONTENT["gaits"][0]["step_length"]), "in each increasing step lengths"),
-        (with_gait(1, phase_angle_start=3.0, phase_angle_end=3.5), "ranges of the phase angle that overlap"),
         (with_gait(1, bezier_coeffs=[[0.0] * 7] * 4), "gaits[1].bezier_coeffs"),
-        (with_gait(1, slope=-2.0), "expected increasing slopes"),
-        (with_gait(2, slope=2.0), "slope 2: step lengths [0.3]: expected [0.2, 0.25]"),
         (with_gait(1, slope=80.0), "gaits[1].slope"),
-        (changed(start_length=0.123), "start_length = 0.123: expected one of"),
-        (changed(gaits=[]), "gaits"),
         (changed(colour="blue"), "colour"),
     ],
 )
@@ -209,16 +184,6 @@ def test_a_bad_library_is_refused(content: dict[str, Any], words: str, tmp_path:
     assert words in str(caught.value)
 
 
-def test_no_such_gait_names_gaits_and_libraries() -> None:
-    with pytest.raises(GaitError, match=f"{DEFAULT_GAIT}.*{NAME}"):
-        load_gaits("moonwalk")
-
-
-def test_a_file_goes_there_and_back(tmp_path: Path) -> None:
-    LIBRARY.save(tmp_path / "again.yaml")
-    assert load_gaits(tmp_path / "again.yaml") == LIBRARY
-
-
 def test_specifications_follow_the_length() -> None:
     base = GaitSpecification(name="lib", step_length=0.35, speed=0.8)
     ((short, middle, long),) = library_specifications(base, [0.2, 0.35, 0.6], speed_slope=0.4)
@@ -226,84 +191,6 @@ def test_specifications_follow_the_length() -> None:
     assert (middle.step_length, middle.max_foot_height, long.name) == (0.35, base.max_foot_height, "lib_0600")
     circle = np.hypot(0.3, base.R2) - base.R2
     assert long.max_foot_height > circle
-
-
-@pytest.mark.parametrize("lengths", [[0.3], [0.4, 0.3], [0.3, 0.3]])
-def test_lengths_that_make_no_library(lengths: list[float]) -> None:
-    with pytest.raises(ValueError, match="two or more, increasing"):
-        library_specifications(GaitSpecification(name="lib"), lengths)
-
-
-@pytest.mark.parametrize("slopes", [[2.0, -2.0], [0.0, 0.0], [0.0, 50.0]])
-def test_slopes_that_make_no_library(slopes: list[float]) -> None:
-    with pytest.raises(ValueError, match="slope"):
-        library_specifications(GaitSpecification(name="lib"), [0.3, 0.4], 0.0, slopes)
-
-
-@given(rows=st.integers(1, 6), columns=st.integers(1, 6), data=st.data())
-def test_each_gait_is_found_once_and_after_the_neighbour_that_it_begins_from(
-    rows: int, columns: int, data: st.DataObject
-) -> None:
-    first = data.draw(st.integers(0, rows - 1)), data.draw(st.integers(0, columns - 1))
-    found: list[tuple[int, int]] = []
-    for place, neighbour in outwards(first, (rows, columns)):
-        assert (neighbour is None) == (place == first)
-        if neighbour:
-            assert neighbour in found
-            assert abs(place[0] - neighbour[0]) + abs(place[1] - neighbour[1]) == 1
-        found.append(place)
-    assert sorted(found) == [(row, column) for row in range(rows) for column in range(columns)]
-
-
-@given(length=LENGTHS, at=st.integers(0, len(SLOPED.slopes) - 2), share=st.floats(0, 1))
-def test_between_two_slopes_all_is_linear(length: float, at: int, share: float) -> None:
-    low, high = SLOPED.slopes[at : at + 2]
-    path = SLOPED_PATHS(length, length, (1 - share) * low + share * high)
-    ends = SLOPED_PATHS(length, length, low), SLOPED_PATHS(length, length, high)
-    np.testing.assert_allclose(path.coeffs, (1 - share) * ends[0].coeffs + share * ends[1].coeffs, atol=1e-12)
-    assert path.phase_angle_start == pytest.approx(
-        (1 - share) * ends[0].phase_angle_start + share * ends[1].phase_angle_start
-    )
-
-
-@pytest.mark.parametrize("gait", SLOPED.gaits, ids=lambda gait: gait.name)
-def test_the_grid_s_own_lengths_and_slopes_are_its_own_gaits(gait: Gait) -> None:
-    found = SLOPED_PATHS.found(gait.step_length, gait.step_length, gait.slope)
-    np.testing.assert_allclose(found.coeffs, gait.coeffs, atol=1e-14)
-    rate = float(RABBIT_ANGLES.phase_angle @ gait.dq_start)
-    assert float(found.rate[0]) == pytest.approx(rate)
-
-
-def landed_foot(path: Any) -> tuple[Array, float]:
-    """Where the swing foot is at the end of a path, from the stance foot, and the pitch there."""
-    q = np.append(np.zeros(2), RABBIT_ANGLES.coordinates(path.coeffs[:, -1], path.phase_angle_end))
-    return MODEL.update(q, np.zeros(7)).swing, q[2]
-
-
-@given(length=LENGTHS, slope=SLOPES, height=st.floats(-0.15, 0.15))
-def test_a_path_to_a_stone_ends_at_its_height(length: float, slope: float, height: float) -> None:
-    level, path = SLOPED_PATHS(length, length, slope), SLOPED_PATHS(length, length, slope, height)
-    (foot, pitch), (level_foot, level_pitch) = landed_foot(path), landed_foot(level)
-    np.testing.assert_allclose(foot, level_foot + (0.0, height), atol=1e-9)
-    assert pitch == pytest.approx(level_pitch, abs=1e-12)
-    np.testing.assert_array_equal(path.coeffs[:, :3], level.coeffs[:, :3])
-    knees = path.coeffs[[1, 3], -1] - level.coeffs[[1, 3], -1]
-    if abs(height) > 1e-3:
-        assert knees[0 if height < 0 else 1] > 0, "the leg that meets the stone is shorter, its knee more flexed"
-        assert abs(knees[1 if height < 0 else 0]) < 1e-14
-
-
-@given(length=LENGTHS, slope=SLOPES, height=st.floats(-0.04, 0.04))
-def test_a_foot_that_finds_no_ground_goes_straight_down(length: float, slope: float, height: float) -> None:
-    """By joints that move in proportion to the phase, and with the pitch of the landing."""
-    path, found = (each(length, length, slope, height) for each in (SLOPED_PATHS, SLOPED_PATHS.found))
-    foot, pitch = landed_foot(path)
-    along_the_end = 5 * (path.coeffs[:, -1] - path.coeffs[:, -2])
-    later = path.phase_angle_end + LATE * (path.phase_angle_end - path.phase_angle_start)
-    controlled = path.coeffs[:, -1] + LATE * (along_the_end + found.descent)
-    below = np.append(np.zeros(2), RABBIT_ANGLES.coordinates(controlled, later))
-    np.testing.assert_allclose(MODEL.update(below, np.zeros(7)).swing, foot - (0.0, DEPTH), atol=1e-3)
-    assert below[2] == pytest.approx(pitch, abs=1e-3)
 
 
 def line_at(x: float) -> tuple[float, ...]:
@@ -321,20 +208,3 @@ def test_the_descent_begins_gradually() -> None:
         assert (after[1] - before[1]) / (2 * h) == pytest.approx(curvature, abs=1e-6)
         assert value < x
     assert line_at(1.0)[1] == pytest.approx(1.0, abs=1e-6)
-
-
-def test_a_step_is_made_for_a_steeper_slope_where_the_robot_is_slow() -> None:
-    """A slow touchdown leans the torso forward, by the path of another slope; a library for one slope cannot."""
-    q, dq = SLOPED.x_start
-    length, stone = SLOPED.start_length, StonePreview(1, SLOPED.start_length - 0.025, SLOPED.start_length + 0.025)
-    pitches = []
-    for haste in (0.8, 1.0, 1.2):
-        steps = Steps(SLOPED, PARAMETERS, ROBOT)
-        step_time = SLOPED.level[SLOPED.lengths.index(length)].step_time
-        steps.begin(np.concatenate([q, haste * dq]), step_time, stone)
-        pitches.append(landed_foot(SLOPED_PATHS(length, steps.wanted, steps.slope))[1])
-    assert pitches[0] > pitches[1] + 0.02
-    assert pitches[1] > pitches[2] + 0.02
-    level = Steps(LIBRARY, PARAMETERS, ROBOT)
-    level.begin(np.concatenate([q, 0.8 * dq]), step_time, stone)
-    assert level.slope == 0.0

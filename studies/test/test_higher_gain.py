@@ -1,26 +1,11 @@
 """What learning buys beyond a higher gain: a fair comparison, and a page that says which claims fall."""
 
-from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
-
-import numpy as np
 import pytest
-from rabbit_experiments.evaluation import SeededRun, Walk
-from rabbit_experiments.metrics import RunResult, RunRow
-from rabbit_experiments.summary import Walks
 from rabbit_reproduce.catalogue import EXPERIMENTS
 from rabbit_reproduce.catalogue.higher_gain import ENGINES, WHO, HigherGain
 from rabbit_reproduce.controllers import AT_ITS_BEST
 from rabbit_reproduce.experiment import Experiment
-from rabbit_reproduce.page import write_page
-from rabbit_reproduce.report import Claim, Report, Verdict
-from rabbit_reproduce.table_lines import FULL, RIGID, SEED, Found
-
-ZEROS = {name: 0 for name, field in RunRow.model_fields.items() if field.annotation in (int, float)}
-WALKED = RunRow.model_validate(
-    ZEROS | {"outcome": "walked", "stones": 20, "success": True, "success_with_forces": True}
-)
+from rabbit_reproduce.table_lines import FULL
 
 
 def test_at_each_point_every_controller_walks_the_same_courses_in_both_engines() -> None:
@@ -42,12 +27,6 @@ def test_its_courses_are_nobody_else_s() -> None:
     assert not seeds(HigherGain()) & others
 
 
-def test_nominal_policy_and_oracle_have_the_same_gains_and_gait() -> None:
-    nominal, _, _, policy, oracle, _ = (who.assembly().controller for who in WHO)
-    for other in (policy, oracle):
-        assert other.model_dump(exclude={"controller"}) == nominal.model_dump(exclude={"controller"})
-
-
 @pytest.mark.parametrize("terrain", ["stones", "flat"])
 def test_the_nominal_controller_at_its_best_learned_and_identifies_nothing(terrain: str) -> None:
     assembly = AT_ITS_BEST[terrain].assembly()
@@ -55,44 +34,3 @@ def test_the_nominal_controller_at_its_best_learned_and_identifies_nothing(terra
     assert assembly.controller.adaptation == "none"
     assert not assembly.controller.learns
     assert assembly.controller.terrain == terrain
-
-
-def test_a_curve_is_the_share_walked() -> None:
-    experiment = HigherGain()
-    lost = WALKED.model_copy(update={"success": False})
-    found: Any = SimpleNamespace(walks=lambda line: Walks([WALKED] + [lost] * (3 if "kg" in line.what else 1)))
-    figure, *_ = experiment.figures(found).values()
-    assert [axes.get_xlabel() for axes in figure.axes] == list(experiment.axis.values())
-    for axes, share in zip(figure.axes, (0.5, 0.25), strict=True):
-        curves = [line for line in axes.lines if line.get_label() in {who.title for who in WHO}]
-        assert len(curves) == len(WHO)
-        assert all(np.all(np.asarray(line.get_ydata()) == share) for line in curves)
-
-
-@pytest.mark.parametrize("experiment", [each for each in EXPERIMENTS if each.judged_on_rigid and each.by_key])
-def test_the_nominal_controller_at_its_best_walks_beside_the_claims(experiment: Experiment) -> None:
-    """On the same plants and courses."""
-
-    def get(job: SeededRun) -> RunResult | None:
-        return RunResult(row=WALKED, violations=[], tick_seconds=[]) if isinstance(job, Walk) else None
-
-    cache: Any = SimpleNamespace(get=get, path="-")
-    assert any(claim.undone for claim in experiment.claims(Found(cache, FULL, RIGID)))
-    plants = [line.assembly.simulation for line in experiment.by_key.values()]
-    for line in experiment.tuned.values():
-        assert line.assembly.simulation in plants
-        assert line.scenario(FULL).seed == SEED
-
-
-@pytest.mark.parametrize(
-    ("verdict", "undone", "falls"),
-    [(Verdict.REPRODUCED, True, True), (Verdict.REPRODUCED, False, False), (Verdict.NOT, True, False)],
-)
-def test_the_page_says_which_claims_fall(tmp_path: Path, verdict: Verdict, undone: bool, falls: bool) -> None:
-    claim = Claim(claim="it walks", ours="10 of 10", verdict=verdict, tuned="9 of 10", undone=undone)
-    about = {"label": "-", "title": "One", "plant": "pybullet", "command": "-"}
-    Report("one", about, (claim,)).write(tmp_path)
-    text = write_page(tmp_path, ["one"]).read_text()
-    assert "9 of 10" in text
-    assert ("**Falls**" in text) is falls
-    assert ("Of those reproduced, 1" in text) is falls

@@ -1,15 +1,11 @@
 """Joint targets: PD on the reference, and what a network reads, of one robot and of N."""
 
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from rabbit_benchmark.methods import method as method_named
 from rabbit_description.gait import load_gaits
 from rabbit_description.state import SWAP_TORQUE, Leg
-from rabbit_experiments.assembly import make_simulation
-from rabbit_rivals.end_to_end import TEACHER, JointTargetFleet, TaughtFleet
 from rabbit_rivals.joint_targets import (
     ACTIONS,
     BOUND,
@@ -18,7 +14,6 @@ from rabbit_rivals.joint_targets import (
     KD,
     KP,
     REACH,
-    READS,
     JointTargetController,
     Memory,
     NetworkAbout,
@@ -28,8 +23,7 @@ from rabbit_rivals.joint_targets import (
     observe,
     reference_alone,
 )
-from rabbit_rivals.methods import DAGGER, MIXTURE, PD
-from rabbit_rivals.mixture import SHARE
+from rabbit_rivals.methods import PD
 from rabbit_rivals.model_file import ModelFile
 from rabbit_sim.batch_simulation import BatchSimulation
 from rabbit_sim.parameters import SimulationParameters
@@ -65,25 +59,6 @@ def test_without_an_action_it_is_pd_on_the_outputs() -> None:
         assert output.torque == pytest.approx(wanted if output.stance is Leg.LEFT else wanted[SWAP_TORQUE])
         state = simulation.step(output.torque)
     assert legs == {Leg.LEFT, Leg.RIGHT}
-
-
-@pytest.mark.parametrize("terrain", ["stones", "flat"])
-def test_a_mixture_is_a_share_of_each_at_all_ticks(terrain) -> None:
-    """Both controllers see the states of the mixture's walk."""
-    assembly = MIXTURE.on(terrain).assembly()
-    simulation, mixture = assembly.build()
-    parts = [method.on(terrain).assembly().make_controller() for method in (method_named("best"), DAGGER)]
-    for episode in (3, 4):  # nothing is left of the first
-        state = simulation.reset(episode)
-        for each in (mixture, *parts):
-            each.reset(episode)
-        for _ in range(50):
-            qp, network = (each.step(state).torque for each in parts)
-            torque = mixture.step(state).torque
-            assert torque == pytest.approx((1 - SHARE) * qp + SHARE * network, abs=1e-9)
-            state = simulation.step(torque)
-    assert state.running
-    simulation.close()
 
 
 def test_an_action_moves_the_targets_and_is_cut() -> None:
@@ -163,102 +138,3 @@ def test_the_history_is_of_this_episode_the_newest_last() -> None:
     own.see(simulation.reset(1))
     again = observe(memory, of_one(own.scene)).reshape(FRAMES, FEATURES)
     assert np.array_equal(again, [frames[0]] * FRAMES)
-
-
-def fleet(terrain: str, action: float, robots: int = 4) -> JointTargetFleet:
-    return JointTargetFleet(terrain, robots, lambda reads: np.full((len(reads), ACTIONS), action), [1, 2])
-
-
-def test_a_landing_is_worth_the_more_the_nearer_the_middle() -> None:
-    def landed(terrain: str, l: float) -> float:  # noqa: E741
-        landing = SimpleNamespace(l=l, l_min=0.35, l_max=0.40, missed=not 0.35 <= l <= 0.40)
-        return fleet(terrain, 0.0).step_reward(SimpleNamespace(landings=[landing]))
-
-    assert landed("stones", 0.375) == 1.0
-    assert landed("stones", 0.375 - 0.02) == pytest.approx(0.5 + 0.5 * np.exp(-0.25))
-    assert landed("stones", 0.41) == 0.0
-    assert landed("flat", 0.2) == 1.0
-
-
-def test_a_fall_costs_one_and_a_step_on_flat_ground_gives_one() -> None:
-    """Beside them a tick is worth little, so that the rest can be rounded away."""
-    own = fleet("flat", 1.0)
-    found = own.walk(200)
-    assert found.reads.shape == (201, 4, READS)
-    assert found.failed.any()
-    steps = sum(steps for _, steps in own.ends) + own._steps.sum()
-    assert np.rint(found.reward).sum() == steps - found.failed.sum()
-    assert np.abs(found.reward - np.rint(found.reward)).max() < 0.05
-
-
-def test_an_action_that_stays_costs_its_change_once_in_an_episode() -> None:
-    """The reference, the torques and the change, priced by hand."""
-
-    def worth(found, change: float):
-        y, torque = found.scene.seen.eta[:, :4], found.torque / 200
-        per_tick = 0.02 * np.exp(-(y**2).mean(axis=1) / 0.01) - 0.004 * (torque**2).mean(axis=1)
-        return pytest.approx(per_tick - 0.004 * change**2)
-
-    own = fleet("flat", 0.5)
-    for change in (0.5, 0.0, 0.0):
-        found = own.command(own._batch.states)
-        assert found.reward == worth(found, change)
-        own._batch.step(found.torque)
-    for robot in range(4):
-        own._batch.restart(robot, own._batch.simulations[robot], robot)
-        own.controller.reset(robot, robot)
-    found = own.command(own._batch.states)
-    assert found.reward == worth(found, 0.5)
-
-
-class Witnessed(TaughtFleet):
-    """Which plants came with which episodes."""
-
-    def begin(self, robot, plant, episode) -> None:
-        super().begin(robot, plant, episode)
-        self.seen = {**getattr(self, "seen", {}), robot: (plant.parameters, episode)}
-
-
-@pytest.mark.parametrize("terrain", ["stones", "flat"])
-def test_a_teacher_walks_each_plant_as_the_oracle_that_knows_it_alone(terrain: str) -> None:
-    """First students that fall, so that the teachers walk plants that came later; an action may clip a torque."""
-    student = SimpleNamespace(taught=0.0)
-    own = Witnessed(student, terrain, 4, lambda reads: np.full((len(reads), ACTIONS), 0.7), [1, 2])
-    first, student.taught = own.seen, 1.0
-    while not all(own._is_taught):
-        own.walk(1)
-    assert any(own.seen[robot][0] != first[robot][0] for robot in range(4))
-    for robot in range(4):
-        own._batch.restart(robot, own._batch.simulations[robot], own.seen[robot][1])
-        own.controller.reset(robot, 0)
-        own._teacher.reset(robot, 0)
-    together, said, compared = [], [], 0
-    for _ in range(60):
-        found = own.command(own._batch.states)
-        together.append(found.torque)
-        said.append(np.abs(found.said).max(axis=1))
-        own._batch.step(found.torque)
-    for robot, (parameters, episode) in own.seen.items():
-        contender = TEACHER.on(terrain)
-        _, alone = replace(contender.assembly(), simulation=parameters).build()
-        simulation = make_simulation(parameters, load_gaits(alone.parameters.gait))
-        state = simulation.reset(episode)
-        alone.reset(0)
-        ticks = next((tick for tick in range(60) if not said[tick][robot] < 1), 60)
-        compared += ticks
-        for tick in range(ticks):
-            torque = alone.step(state).torque
-            assert together[tick][robot] == pytest.approx(torque, abs=1e-3)
-            state = simulation.step(torque)
-    assert compared > 60
-
-
-def test_a_student_walks_by_itself_and_is_told_what_the_teacher_would_do() -> None:
-    own = TaughtFleet(
-        SimpleNamespace(taught=0.0), "stones", 4, lambda reads: np.full((len(reads), ACTIONS), 0.1), [1, 2]
-    )
-    other = fleet("stones", 0.1)
-    one, same = own.command(own._batch.states), other.command(other._batch.states)
-    assert np.array_equal(one.torque, same.torque)
-    taught = own._teacher.step(own._batch.states).torque
-    assert one.torque + KP * REACH * (one.said - 0.1) == pytest.approx(taught)  # the left leg stands

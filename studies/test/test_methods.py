@@ -7,14 +7,11 @@ import pytest
 from cbf_clf_qp.constraints import ResClf
 from rabbit_benchmark.cells import cells
 from rabbit_benchmark.methods import method
-from rabbit_benchmark.protocol import CannotTake, Protocol
+from rabbit_benchmark.protocol import Protocol
 from rabbit_description.gait import load_gaits
-from rabbit_experiments.provenance import plain
 from rabbit_rivals import methods
 from rabbit_rivals.gp_controller import GpAbout, GpController, GpPolicy
-from rabbit_rivals.joint_targets import NetworkAbout
-from rabbit_rivals.model_file import SHIPPED, ModelFile, read
-from rl_cbf_clf_controller.weights import PolicyFileError
+from rabbit_rivals.model_file import read
 
 TINY = Protocol(courses=1, stones=1)
 
@@ -27,20 +24,6 @@ def test_each_takes_a_step_in_the_benchmark(name: str, terrain: str) -> None:
     (walk,) = TINY.walks(method(name), cells()[f"{terrain}/scale-1"])
     row = walk.do().row
     assert row.ticks > (5 if name == "ddpg-sb3" else 30)
-
-
-def test_two_networks_are_two_assemblies() -> None:
-    (one,), (other,) = (TINY.walks(method(name), cells()["flat/scale-1"]) for name in ("pd", "ppo"))
-    assert plain(one.assembly) != plain(other.assembly)
-
-
-def test_without_a_file_or_library_a_method_is_left_blank(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(methods, "find_spec", lambda name: None)
-    with pytest.raises(CannotTake, match="clarabel"):
-        TINY.walks(methods.GP_SOCP, cells()["flat/scale-1"])
-    gone = methods._joint_targets("gone", "", methods.shipped("gone"), "")
-    with pytest.raises(CannotTake, match=r"gone\.safetensors"):
-        TINY.walks(gone, cells()["flat/scale-1"])
 
 
 def test_a_gp_without_confidence_decides_as_the_qp() -> None:
@@ -79,26 +62,3 @@ def test_more_confidence_asks_for_more() -> None:
         found.append(np.linalg.norm(mu))
     assert found == sorted(found)
     simulation.close()
-
-
-def test_files_are_refused_with_a_reason(tmp_path: Path) -> None:
-    file = read(SHIPPED / "ppo.safetensors", NetworkAbout)
-    path = tmp_path / "model.safetensors"
-    file.write(path)
-    assert read(path, NetworkAbout).version == file.version
-    data = path.read_bytes()
-    path.write_bytes(data[:-4] + b"\0\0\0\0")
-    with pytest.raises(PolicyFileError, match="its content has"):
-        read(path, NetworkAbout)
-    with pytest.raises(PolicyFileError, match="not a file of this model"):
-        read(path, GpAbout)
-    path.write_bytes(b"text")
-    with pytest.raises(PolicyFileError, match="not a file of this model"):
-        read(path, NetworkAbout)
-    with pytest.raises(PolicyFileError, match="cannot read"):
-        read(tmp_path / "none", NetworkAbout)
-    broken = {**file.arrays, "0.bias": np.full_like(file.arrays["0.bias"], np.nan)}
-    with pytest.raises(PolicyFileError, match="not finite"):
-        ModelFile(file.about, broken)
-    with pytest.raises(PolicyFileError, match="expected"):
-        ModelFile(file.about, {})

@@ -1,12 +1,10 @@
 """The probability of a miss: what is seen of a walk's touchdowns, the fit, and how it is judged."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.evaluation import episode
-from rabbit_misses.model import MissModelError, MissProbability
+from rabbit_misses.model import MissProbability
 from rabbit_misses.study import FIT_SEED, JUDGE_SEED, Bin, judged, stormy_walks
 from rabbit_misses.touchdowns import FEATURES, Touchdowns
 from rabbit_sim.parameters import SimulationParameters
@@ -55,36 +53,6 @@ def test_the_mean_probability_is_the_rate_of_misses_in_what_was_fitted(seed: int
     assert MissProbability.fitted(rows, missed, "").at(rows).mean() == pytest.approx(missed.mean(), rel=1e-3)
 
 
-def test_a_fit_needs_misses() -> None:
-    rows, missed, _ = drawn(5)
-    with pytest.raises(MissModelError, match="0 misses: expected at least 12 to fit"):
-        MissProbability.fitted(rows, np.zeros_like(missed), "")
-
-
-def test_a_file_goes_there_and_back(tmp_path: Path) -> None:
-    model = fitted(6)
-    (tmp_path / "model.json").write_text(model.model_dump_json())
-    assert MissProbability.load(tmp_path / "model.json") == model
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"features": ("speed",)}, "features = ('speed',): expected"),
-        ({"weights": (1.0,)}, "weights = (1.0,): expected 17 finite numbers"),
-        ({"spread": (0.0,) * 17}, "expected positive numbers"),
-    ],
-)
-def test_a_bad_file_is_refused(change: dict[str, object], words: str, tmp_path: Path) -> None:
-    path = tmp_path / "model.json"
-    path.write_text(fitted(6).model_copy(update=change).model_dump_json())
-    with pytest.raises(MissModelError, match=r"model\.json") as caught:
-        MissProbability.load(path)
-    assert words in str(caught.value)
-    with pytest.raises(MissModelError, match="nowhere"):
-        MissProbability.load(tmp_path / "nowhere.json")
-
-
 def test_the_features_are_those_of_the_landings() -> None:
     """Step lengths, stones and times as the simulator counts them."""
     tuning = load_parameters("best")
@@ -125,16 +93,3 @@ def test_walks_that_fit_and_walks_that_judge_share_no_plant() -> None:
     unchanged = SimulationParameters(terrain="stones", stones=20, motor_lag=0.004).model_dump_json()
     assert alike <= {unchanged}
     assert not {each.seed for each in fit} & {each.seed for each in judge}
-
-
-def test_the_shipped_model_knows_a_bad_touchdown_from_a_good_one() -> None:
-    """One of the mean, and one after a step with torques and slack at their largest and little force on the ground."""
-    model = MissProbability.shipped()
-    good = np.array(model.mean)
-    bad = good.copy()
-    for name, change in (("largest_torque", 1.0), ("largest_output", 3.0), ("rescue_slack", 3.0)):
-        at = FEATURES.index(name)
-        bad[at] += change * model.spread[at]
-    p_good, p_bad = model.at(np.array([good, bad]))
-    assert p_good < 0.03
-    assert p_bad > 2 * p_good

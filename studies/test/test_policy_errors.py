@@ -11,7 +11,6 @@ from rl_cbf_clf_controller.parameters import load_parameters
 from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP
 
 STONES = RL_CBF_CLF_QP
-NONE = Estimates.zero(5, 4)
 WRONG = np.array([[3.0, 0, 4, 0], [6, 0, 0, 8], [5, 12, 0, 0], [0, 0, 0, 0], [0, 8, 15, 0]])  # rows of length
 LENGTH = {"V": 5.0, "B1": 10.0, "B2": 13.0, "C1": 0.0, "C2": 17.0}
 MU = np.tile(np.eye(4), (2, 1))  # each component by itself, twice
@@ -46,12 +45,6 @@ def test_the_unit_of_V_is_that_of_its_tick() -> None:
     found = errors(STONES, guess, truth(), MU, LgV)
     assert found["V"]["alpha_rms"] == pytest.approx(1)
     assert found["B1"]["alpha_rms"] == pytest.approx(np.sqrt((1 + 100) / 2))
-
-
-def test_no_error_of_a_truth_of_zero() -> None:
-    nothing = [Estimates.zero(len(STONES.quantities), 4)] * 8
-    found = errors(STONES, truth(), nothing, MU, LGV)
-    assert found["B1"] == {"error": None, "alpha_r2": None, "beta_r2": None, "alpha_rms": 0, "beta_rms": 10}
 
 
 def assembly(controller: str, policy: str, **plant: object) -> Assembly:

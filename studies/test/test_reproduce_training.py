@@ -1,21 +1,12 @@
 """`--retrain`: trained once by content, in place of what is shipped; the log of episodes; episodes needed."""
 
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 from rabbit_description.gait import load_gaits
-from rabbit_experiments import provenance
-from rabbit_experiments.conditions import POLICY
-from rabbit_experiments.tables import write_rows
 from rabbit_experiments.training_setup import training
-from rabbit_reproduce.catalogue import EXPERIMENTS
-from rabbit_reproduce.catalogue.learning_curves import first_whole, sessions, settled, span
-from rabbit_reproduce.commands.reproduce import app
-from rabbit_reproduce.controllers import CBF_CLF, RL_CBF_CLF, RL_CLF
-from rabbit_reproduce.experiment import Experiment
-from rabbit_reproduce.table_lines import FULL, QUICK, Line, Runs
+from rabbit_reproduce.catalogue.learning_curves import first_whole, sessions, settled
+from rabbit_reproduce.table_lines import FULL
 from rabbit_reproduce.training import (
     SHIPPED,
     Episode,
@@ -24,13 +15,11 @@ from rabbit_reproduce.training import (
     recipes,
     retrain,
     training_job,
-    under,
 )
-from rl_cbf_clf_controller.uncertainty import IO_RL_CLF_QP, PAPER, RL_CBF_CLF_QP, RL_CLF_QP
+from rl_cbf_clf_controller.uncertainty import PAPER, RL_CLF_QP
 from rl_cbf_clf_controller.weights import policy_path, read
 from rl_trainer.checkpoint import CheckpointError
 from rl_trainer.parameters import TrainingParameters
-from typer.testing import CliRunner
 
 PARAMETERS = TrainingParameters(problem=RL_CLF_QP, seed=4, episodes=1)
 ONE = training_job(PARAMETERS)  # nominal, so that nothing is learned yet
@@ -60,21 +49,6 @@ def test_a_training_is_made_once_and_logged(tmp_path: Path, monkeypatch: pytest.
     assert retrain([ONE], tmp_path, 1) == trained
 
 
-@pytest.mark.parametrize(
-    "changes", [{"seed": 5}, {"problem": IO_RL_CLF_QP}, {"episodes": 2}], ids=lambda changes: next(iter(changes))
-)
-def test_another_training_has_another_folder(changes: dict[str, Any]) -> None:
-    other = replace(ONE, parameters=PARAMETERS.model_copy(update=changes))
-    assert other.folder != ONE.folder == replace(ONE, title="another title").folder
-    assert training_job(PARAMETERS, mass_scale=0.7).folder != ONE.folder
-
-
-def test_other_code_trains_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    before = ONE.folder
-    monkeypatch.setattr(provenance, "provenance", lambda asked: {"numpy": "9.9"})
-    assert before != ONE.folder
-
-
 @pytest.mark.parametrize("what", ["gait", "plant", "made_with.json"])
 def test_a_training_does_not_go_on_with_another_robot_or_gait(tmp_path: Path, what: str) -> None:
     gait = tmp_path / "gait.yaml"
@@ -95,16 +69,6 @@ def test_a_training_does_not_go_on_with_another_robot_or_gait(tmp_path: Path, wh
         pass
 
 
-def test_trained_policies_stand_in_for_the_shipped_ones(tmp_path: Path) -> None:
-    made = SHIPPED["rl-cbf-clf-qp"]
-    size = replace(QUICK, trained=under(tmp_path, [made]))
-    learned, other, nominal = (each.assembly() for each in (RL_CBF_CLF, RL_CLF, CBF_CLF))
-    assert size.own(learned) == replace(learned, policy=str(replace(made, root=tmp_path).folder / POLICY))
-    assert (size.own(other), size.own(nominal)) == (other, nominal)
-    assert Line("", learned).scenario(size).assembly.policy == size.own(learned).policy
-    assert QUICK.own(learned) is learned
-
-
 @pytest.mark.parametrize("quick", [True, False])
 def test_what_is_shipped_is_trained_anew(quick: bool) -> None:
     made = recipes(quick)
@@ -118,24 +82,6 @@ def test_what_is_shipped_is_trained_anew(quick: bool) -> None:
         )
 
 
-@pytest.mark.parametrize("each", EXPERIMENTS, ids=lambda each: each.name)
-def test_an_experiment_trains_what_it_walks_with_and_no_more(each: Experiment) -> None:
-    used = {job.assembly.policy for job in each.jobs(FULL)}
-    wanted = each.trainings(FULL)
-    assert {SHIPPED[name] for name in SHIPPED if str(policy_path(name)) in used} <= set(wanted) <= set(recipes(False))
-    if each.name not in ("learning-curves", "feasibility-by-episode"):
-        assert set(wanted) <= set(SHIPPED.values())
-
-
-def test_trainings_of_some_experiments() -> None:
-    by_name = {each.name: each.trainings(FULL) for each in EXPERIMENTS}
-    assert by_name["learning-curves"] == recipes(False)
-    assert [(each.parameters.problem, each.parameters.seed) for each in by_name["feasibility-by-episode"]] == [
-        (RL_CBF_CLF_QP, seed) for seed in (1, 2, 3)
-    ]
-    assert {each.parameters.problem for each in by_name["payload-flat"]} == {RL_CLF_QP, IO_RL_CLF_QP}
-
-
 def test_the_committed_log_is_whole() -> None:
     rows = read_log()
     assert {row.problem for row in rows} == {problem.name for problem in PAPER}
@@ -146,34 +92,9 @@ def test_the_committed_log_is_whole() -> None:
         assert all(row.kept <= row.ticks and row.reward <= 0 for row in each)
 
 
-def test_a_log_is_read_as_it_was_written(tmp_path: Path) -> None:
-    write_rows(tmp_path / "log.csv", Episode, session(3, 10))
-    assert read_log(tmp_path / "log.csv") == list(session(3, 10))
-
-
 @pytest.mark.parametrize(
     ("steps", "first", "last"),
     [((1, 10, 10), 2, 2), ((10, 3, 10), 1, 3), ((10, 10), 1, 1), ((10, 9), 1, None), ((0, 0), None, None)],
 )
 def test_episodes_needed(steps: tuple[int, ...], first: int | None, last: int | None) -> None:
     assert (first_whole(session(*steps)), settled(session(*steps))) == (first, last)
-
-
-def test_spans() -> None:
-    assert span([4, 4]) == "4"
-    assert span([4, 1200]) == "4 to 1,200"
-    assert span([4, None, 6]) == "4 to 6 (in 1 none)"
-    assert span([None]) == "none"
-
-
-def test_runs_of_its_own() -> None:
-    line = Line("", CBF_CLF.assembly(), runs=Runs(7, 2))
-    assert (line.scenario(FULL).runs, line.scenario(QUICK).runs) == (7, 2)
-    other = line.columns[1]
-    assert (line.scenario(FULL, other).runs, line.scenario(QUICK, other).runs) == (FULL.beside, QUICK.beside)
-
-
-def test_what_needs_training_says_so() -> None:
-    done = CliRunner().invoke(app, ["feasibility-by-episode"])
-    assert done.exit_code == 2
-    assert "feasibility-by-episode: expected --retrain" in done.stderr

@@ -2,19 +2,13 @@
 
 import re
 from pathlib import Path
-from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from rabbit_experiments.evaluation import SeededRun, Walk
-from rabbit_experiments.metrics import RunResult, RunRow
+from rabbit_experiments.metrics import RunRow
 from rabbit_experiments.summary import Walks
-from rabbit_reproduce.catalogue import EXPERIMENTS
-from rabbit_reproduce.catalogue.payloads import PayloadFlat
-from rabbit_reproduce.experiment import Experiment
 from rabbit_reproduce.report import RUNS, Verdict, judge, missing, read_rows
-from rabbit_reproduce.table_lines import FULL, Found
 
 COUNTS = {name: 0 for name, field in RunRow.model_fields.items() if field.annotation in (int, float)}
 
@@ -39,11 +33,6 @@ def test_verdict_by_parts(parts: dict[str, bool], nominal: bool) -> None:
     else:
         assert verdict is (Verdict.PARTLY if any(parts.values()) else Verdict.NOT)
         assert missing(parts).startswith("not: ")
-
-
-def test_a_claim_without_parts_is_refused() -> None:
-    with pytest.raises(ValueError, match="expected at least one"):
-        judge({})
 
 
 @pytest.mark.parametrize(("walked", "passes"), [(10, True), (9, True), (8, False), (0, False)])
@@ -74,32 +63,3 @@ def test_the_shipped_intervals_of_means_lie_on_their_courses() -> None:
             found += 1
             assert 0 <= float(row["mean_low95"]) <= float(row["mean_high95"]) <= float(stones[1] if stones else 20)
     assert found > 1000
-
-
-def test_largest_value_and_largest_without_a_hole() -> None:
-    good, bad = walks(20), walks(1)
-    largest = PayloadFlat().largest
-    assert largest({0.0: good, 8.0: bad, 16.0: good, 24.0: bad}) == "largest 16 kg, without a hole up to 0 kg"
-    assert largest({0.0: good, 8.0: good, 16.0: bad}) == "walks up to 8 kg"
-    assert largest({0.0: bad, 8.0: good}) == "largest 8 kg, not at the least"
-    assert largest({0.0: bad}) == "walks at none"
-    assert largest({0.0: good, 8.0: good}) == "walks up to 8 kg"
-
-
-@pytest.mark.parametrize(
-    "experiment", [each for each in EXPERIMENTS if each.judged_on_rigid and each.lines()], ids=lambda each: each.name
-)
-def test_claims_on_rigid_go_by_walks_on_rigid(experiment: Experiment) -> None:
-    """Runs in PyBullet, recorded ones too, are not there."""
-
-    def get(job: SeededRun) -> RunResult | None:
-        is_rigid = isinstance(job, Walk) and job.assembly.simulation.plant == "rigid"
-        found = RunResult(row=walks(20).rows[0], violations=[], tick_seconds=[])
-        return found if is_rigid and job.assembly.simulation.motor_lag > 0 else None
-
-    cache: Any = type("Cache", (), {"get": staticmethod(get), "path": "-"})
-    found = Found(cache, FULL)
-    on_rigid = {claim.claim for claim in experiment.claims(found.on_rigid)}
-    assert on_rigid
-    with pytest.raises(LookupError):
-        experiment.claims(found)

@@ -2,14 +2,12 @@
 
 import numpy as np
 import pytest
-import torch
 from rabbit_benchmark.families import families
 from rabbit_residual.fleet import Rollout
-from rabbit_residual.plants import described, draw_plant, ranges
+from rabbit_residual.plants import draw_plant
 from rabbit_residual.ppo import Ppo, PpoParameters, advantages
 from rabbit_residual.session import SessionError
 from rabbit_residual.training import options, train
-from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.weights import read
 
 
@@ -61,30 +59,6 @@ def test_plants_of_the_training_are_of_development_families_alone(terrain) -> No
         assert not others & drawn.keys()
         seen |= drawn.keys()
     assert development <= seen
-
-
-def test_the_value_network_alone_reads_what_is_known_of_the_plant() -> None:
-    """A bandit whose reward only that number tells: the policy stays, the value follows."""
-    learner, rng = (
-        Ppo(1, 1, 1, PpoParameters(hidden=16, learning_rate=3e-3, minibatch=256), seed=1),
-        np.random.default_rng(3),
-    )
-    for _ in range(40):
-        known = np.sign(rng.standard_normal((64, 8, 1)))
-        reads = np.zeros_like(known)
-        over = np.ones(known.shape[:2], dtype=bool)
-        learner.update(
-            [Rollout(reads, known, np.array([learner.act(each) for each in reads]), known[:, :, 0], over, over)]
-        )
-    values = learner._critic(torch.tensor([[0.0, -1.0], [0.0, 1.0]])).flatten().tolist()
-    assert values == pytest.approx([-1.0, 1.0], abs=0.2)
-
-
-def test_a_plant_is_described_by_what_is_drawn_of_it() -> None:
-    nothing = described(SimulationParameters())
-    assert not nothing.any()
-    heavy = described(SimulationParameters(mass_scale=ranges()["mass_scale"][1]))
-    assert sorted(heavy)[-2:] == [0.0, 1.0]
 
 
 @pytest.mark.parametrize("learner", ["ppo", "sac"])

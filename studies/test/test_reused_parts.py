@@ -8,7 +8,7 @@ import pytest
 from rabbit_description import GAITS
 from rabbit_description.gait import load_gaits
 from rabbit_experiments.assembly import Assembly, resolve_policy
-from rabbit_experiments.evaluation import _kept, forget_parts, parts, record_walk, walk
+from rabbit_experiments.evaluation import forget_parts, parts, record_walk, walk
 from rabbit_experiments.metrics import RunResult
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
@@ -52,19 +52,6 @@ def test_a_run_is_the_same_after_other_runs(made_of: Assembly) -> None:
     assert figures(walk(made_of, 0, 11)) == alone
     with parts(made_of) as (again, _):
         assert again is first
-
-
-def test_a_run_within_a_run_has_parts_of_its_own() -> None:
-    made_of = assembly(plant="rigid")
-    with parts(made_of) as (outer, _), parts(made_of) as (inner, _):
-        assert inner is not outer
-    assert len(_kept) == 1
-
-
-def test_parts_of_a_run_that_broke_off_are_not_kept() -> None:
-    with pytest.raises(KeyboardInterrupt), parts(assembly(plant="rigid")):
-        raise KeyboardInterrupt
-    assert not _kept
 
 
 def copied(source: Path, path: Path) -> None:

@@ -8,7 +8,7 @@ import numpy_steps
 import pytest
 from rabbit_description.gait import load_gaits
 from rabbit_experiments.assembly import AssemblyError
-from rabbit_gait_design.speed_model.fit import NAMES, SpeedModelError, errors, fitted, rows, without_mean
+from rabbit_gait_design.speed_model.fit import errors, fitted, rows, without_mean
 from rabbit_gait_design.speed_model.walks import CHANGE, Explorer, Steps, exploring_walks
 from rl_cbf_clf_controller.parameters import load_parameters
 from rl_cbf_clf_controller.robot_numbers import read_robot
@@ -64,11 +64,6 @@ def test_a_walk_s_last_step_and_the_first_ones_are_left_out() -> None:
     np.testing.assert_array_equal(x, [[50, 6, 5, 4], [60, 7, 6, 5]])
     np.testing.assert_array_equal(y, [60, 70])
     np.testing.assert_array_equal(z, [[6, 5, 4, 3, 2], [7, 6, 5, 4, 3]])
-
-
-def test_too_few_steps_are_refused() -> None:
-    with pytest.raises(SpeedModelError, match=f"expected at least {len(NAMES)}"):
-        fitted(linear_plants(0.1, 1, plants=3))
 
 
 def test_slopes_that_explore_stay_within_the_library_and_are_seen() -> None:

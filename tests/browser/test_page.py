@@ -5,11 +5,10 @@ import os
 import re
 import subprocess
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
-from urllib.parse import parse_qsl
 
 import pytest
 from chromium import Chromium, Page
@@ -125,77 +124,6 @@ def test_a_first_visit_sees_the_walk_the_fall_and_why(chromium: Chromium) -> Non
             check_requests(each)
     finally:
         assert served.end() == 0
-
-
-def test_what_is_offered_next_is_done(chromium: Chromium) -> None:
-    served = Served("play", "--seed", "41")  # falls soon
-    try:
-        page = chromium.open(served.address)
-        page.wait("rabbit.state.ended[1]?.tick && !document.querySelector('#happened.waits')")
-        page.click("#things button:nth-child(1)")
-        page.wait("!document.querySelector('#why').hidden")
-        tick = page.look("rabbit.state.ended[1].tick")
-        assert f"robot tuned, tick {tick} " in page.look("document.querySelector('#why pre').textContent")
-        assert page.look("rabbit.state.walk.walkers[1].get(rabbit.clock.row, 'tick')") == tick
-        page.click("#why button")
-        page.wait("document.querySelector('#why').hidden")
-        page.click("#things button:nth-child(2)")
-        page.wait("rabbit.state.walk.about.story.includes('three times')")
-        page.wait("rabbit.controls.state.settings.mass_scale === 3")
-        page.click("#things button:nth-child(3)")
-        page.wait("rabbit.state.walk.walkers[0].marks.some(({kind}) => kind === 'pushed')")
-        check_requests(page)
-    finally:
-        assert served.end() == 0
-
-
-def test_a_click_on_the_time_line_explains_its_tick(chromium: Chromium, played: str) -> None:
-    page = chromium.open(played)
-    page.wait("rabbit.state.walk.length > 100")
-    page.click("#pause")
-    page.wait("rabbit.controls.state.paused")
-    page.drag("#time", 0.5)
-    page.wait("!document.querySelector('#why').hidden")
-    row = page.look("rabbit.clock.row")
-    lines = page.look("document.querySelector('#why pre').textContent").split("\n")
-    assert lines[0].startswith(f"robot best, tick {row} ")
-    assert {line.split()[0] for line in lines[4:10]} == {"CLF", "B1", "B2", "C1", "C2+", "C2-"}
-    page.choose("#row", "1")
-    page.wait("rabbit.plots.plots.at(-2).columns[0] === 'margin_B1'")
-    check_requests(page)
-
-
-def test_a_reset_while_paused_shows_the_robots_at_their_start(chromium: Chromium, played: str) -> None:
-    page = chromium.open(played)
-    page.wait("rabbit.state.walk.length > 150")
-    page.click("#pause")
-    page.wait("rabbit.controls.state.paused")
-    page.click("#reset")
-    page.wait("rabbit.state.walk.length === 1 && rabbit.clock.row === 0")
-    page.wait("document.querySelector('#clock').textContent === '0.00 s'")
-    assert min(colours(page, 0), colours(page, 1)) > 20
-    marks = "[...document.querySelector('#marks').getContext('2d').getImageData(0, 0, 300, 24).data]"
-    assert not page.look(f"{marks}.some(Boolean)")
-    page.click("#pause")
-    page.wait("rabbit.clock.row > 20")
-    check_requests(page)
-
-
-@pytest.mark.parametrize(
-    ("link", "line"),
-    [
-        ("mass_scale=99", "--mass-scale 99: expected less than or equal to 3"),
-        ("colour=red", "colour: no such parameter"),
-        ("stones=many", "stones many: expected"),
-        ("first=yours", "controller yours: expected --controller, --policy or --parameters on the command line"),
-    ],
-)
-def test_what_is_wrong_in_a_link_is_one_line(chromium: Chromium, played: str, link: str, line: str) -> None:
-    page = chromium.open(f"{played}/#{link}")
-    page.wait("rabbit.state.refused === 1 && !document.querySelector('#notice').hidden")
-    assert line.lstrip("-").replace("-scale", "_scale") in page.look("document.querySelector('#notice').textContent")
-    assert settings(page)["mass_scale"] == 0.5
-    check_requests(page)
 
 
 def test_your_own_controller_barrier_and_policy_walk_on_the_page(
@@ -327,93 +255,6 @@ def test_every_setting_reaches_the_walk(chromium: Chromium, played: str) -> None
     check_requests(page)
 
 
-def test_keys_do_what_the_buttons_do(chromium: Chromium, played: str) -> None:
-    page = chromium.open(played)
-    page.wait(DRAWN)
-    page.press(" ")
-    page.wait("rabbit.controls.state.paused")
-    held = page.look("rabbit.state.walk.length")
-    page.press(".")
-    page.wait(f"rabbit.state.walk.length === {held + 1}")
-    page.press("-")
-    page.wait("rabbit.controls.state.speed === 0.5")
-    page.press("+")
-    page.wait("rabbit.controls.state.speed === 1")
-    pushed = "rabbit.state.walk.walkers[0].marks.filter(({kind}) => kind === 'pushed').length"
-    for count, key in enumerate(("ArrowRight", "ArrowLeft"), 1):
-        page.press(key)
-        page.press(" ")
-        page.wait(f"{pushed} === {count}")
-        page.wait(f"rabbit.state.walk.length > {held + 20 * count}")
-        page.press(" ")
-        page.wait("rabbit.controls.state.paused")
-    page.press("r")
-    page.wait(f"{pushed} === 0")
-    page.press("n")
-    page.wait("rabbit.state.walk.about.title === 'course 41'")
-    page.press("d")
-    page.press("?")
-    page.wait("document.querySelector('#keys').open")
-    check_requests(page)
-
-
-def test_three_browsers_see_the_same_and_a_link_brings_the_same_walk(chromium: Chromium, played: str) -> None:
-    one, two = (chromium.open(played) for _ in range(2))
-    for page in (one, two):
-        page.wait(DRAWN)
-    one.drag("#payload", 0.1)
-    one.wait("rabbit.controls.state.settings.payload > 0")
-    one.click("#reset")
-    one.wait("rabbit.state.walk.length < 50")
-    one.wait("rabbit.state.walk.walkers[0].stones.length > 5")
-    one.click("#pause")
-    two.wait("rabbit.controls.state.paused")
-    three = chromium.open(played)
-    three.wait("rabbit.state.pictures && rabbit.controls.state")
-    rows = one.look("rabbit.state.walk.length")
-    hips = "Array.from({length: rabbit.state.walk.length}, (_, i) => rabbit.state.walk.walkers[0].get(i, 'hip_x'))"
-    for page in (two, three):
-        page.wait(f"rabbit.state.walk.length === {rows}")
-        assert page.look(hips) == one.look(hips)
-    link, walked = one.look("location.href"), one.look(hips)
-    assert dict(parse_qsl(link.partition("#")[2])).keys() == {"payload", "stones"}  # what differs from the default
-    served = Served("play", "--seed", "5", "--first", "oracle")
-    try:
-        there = chromium.open(served.address + "/" + link[link.index("#") :])
-        there.wait(f"rabbit.state.walk.about.title === 'course 40' && rabbit.state.walk.length >= {rows}")
-        assert there.look(hips)[:rows] == walked
-        there.look("location.hash = '#seed=7&options=--plant+mujoco'")  # another link, pasted
-        there.wait("rabbit.state.walk.about.title === 'course 7'")
-        assert "--plant mujoco" in there.look("document.querySelector('#notice').textContent")
-    finally:
-        assert served.end() == 0
-    for page in (one, two, three, there):
-        check_requests(page)
-
-
-def test_what_is_refused_is_said(chromium: Chromium, played: str) -> None:
-    page = chromium.open(played)
-    page.wait(DRAWN)
-    page.look("rabbit.source.send({do: 'speed', speed: 1000})")
-    page.wait("rabbit.state.refused === 1 && !document.querySelector('#notice').hidden")
-    assert "expected less than or equal to 4" in page.look("document.querySelector('#notice').textContent")
-    check_requests(page)
-
-
-def test_a_live_walk_can_be_looked_back_at(chromium: Chromium, played: str) -> None:
-    page = chromium.open(played)
-    page.wait("rabbit.state.walk.length > 150")
-    page.drag("#time", 0.2)
-    page.wait("!rabbit.clock.isFollowing")
-    row = page.look("rabbit.clock.row")
-    assert row < page.look("rabbit.state.walk.length") / 2
-    page.wait(f"rabbit.state.walk.length > {row} + 200")
-    assert page.look("rabbit.clock.row") == row
-    page.click("#live")
-    page.wait(f"rabbit.clock.row > {row} + 100")
-    check_requests(page)
-
-
 def test_a_saved_walk_opens_from_disk_without_a_network(chromium: Chromium, tmp_path: Path) -> None:
     path = tmp_path / "walk.html"
     subprocess.run([*RABBIT, "play", "--stones", "6", "--export", str(path)], check=True, timeout=300)
@@ -435,55 +276,4 @@ def test_a_saved_walk_opens_from_disk_without_a_network(chromium: Chromium, tmp_
     marks = page.look("rabbit.state.walk.walkers[0].marks.filter(({kind}) => kind === 'stone').length")
     assert marks == page.look("rabbit.state.ended[0].stones") - 1 or marks == 6
     assert page.look("document.querySelector('#controls').hidden")
-    check_requests(page)
-
-
-def test_a_run_is_served_with_a_time_line(chromium: Chromium, tmp_path: Path) -> None:
-    run = tmp_path / "run"
-    evaluate = [*RABBIT, "evaluate", "--runs", "1", "--stones", "3", "--pictures", "--out", str(run)]
-    subprocess.run(evaluate, check=True, timeout=300, stdout=subprocess.DEVNULL)
-    served = Served("bag", "show", str(run))
-    try:
-        page = chromium.open(served.address)
-        page.wait("rabbit.state.pictures > 5")
-        page.press(" ")
-        page.wait("!rabbit.clock.isPlaying")
-        page.drag("#time", 0.5)
-        row = page.look("rabbit.clock.row")
-        assert row == pytest.approx(page.look("rabbit.state.walk.length") / 2, abs=5)
-        page.press("ArrowRight")
-        page.wait(f"rabbit.clock.row === {row + 1}")
-        assert colours(page) > 20
-        page.look("rabbit.source.send({do: 'reset'})")
-        page.wait("rabbit.state.words.refused?.text === 'a recording takes no messages but explain'")
-        check_requests(page)
-    finally:
-        assert served.end() == 0
-
-
-def test_a_recorded_tick_is_explained(chromium: Chromium, write_bag: Callable[..., Path], tmp_path: Path) -> None:
-    served = Served("bag", "show", str(write_bag(tmp_path / "bag")))
-    try:
-        page = chromium.open(served.address)
-        page.wait("rabbit.state.pictures > 5")
-        page.drag("#time", 0.5)
-        page.wait("!document.querySelector('#why').hidden")
-        tick = page.look("rabbit.state.walk.walkers[0].get(rabbit.clock.row, 'tick')")
-        assert f", tick {tick} " in page.look("document.querySelector('#why pre').textContent")
-        check_requests(page)
-    finally:
-        assert served.end() == 0
-
-
-def test_a_small_window_shows_everything_below_one_another(chromium: Chromium, played: str) -> None:
-    page = chromium.open(played, width=400, height=700, dark=True)
-    page.wait(DRAWN)
-    assert page.look("document.documentElement.dataset.theme") == "dark"
-    assert page.look("document.documentElement.scrollWidth") <= 400
-    lefts = page.look(
-        "['stage', 'controls', 'plots'].map((id) => document.getElementById(id).getBoundingClientRect().x)"
-    )
-    assert len(set(lefts)) == 1
-    page.drag("#mass_scale", 0.9)
-    page.wait("rabbit.controls.state.settings.mass_scale > 2.5")
     check_requests(page)

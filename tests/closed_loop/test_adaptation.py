@@ -47,12 +47,6 @@ def test_adaptation_walks_where_the_same_controller_without_it_falls(
     assert not walk(with_law(parts, adaptation="none"), 0, seed=1).row.success
 
 
-def test_the_pd_centred_oracle_walks_at_half_the_mass_and_the_papers_does_not(make_assembly: MakeAssembly) -> None:
-    parts = make_assembly("cbf-clf-qp", "oracle", mass_scale=0.5, stones=8)
-    assert walk(with_law(parts, objective="pd_centred"), 0, seed=1).row.success
-    assert not walk(parts, 0, seed=1).row.success
-
-
 def test_a_payload_is_walked_and_found(make_assembly: MakeAssembly) -> None:
     parts = with_law(make_assembly("cbf-clf-qp", payload=72.0, stones=5), gait="stones_0350_084", **ADAPTIVE)
     assert walk(parts, 0, seed=1).row.success
@@ -126,8 +120,3 @@ def test_every_episode_begins_with_nothing_learned(make_assembly: MakeAssembly) 
     _, second = ticks(parts, 1, 2)
     (alone,) = ticks(parts, 2)
     np.testing.assert_array_equal(torques(second), torques(alone))
-
-
-def test_without_adaptation_nothing_is_adapted(make_assembly: MakeAssembly) -> None:
-    (records,) = ticks(make_assembly("cbf-clf-qp", stones=1), 1)
-    assert records[-1].output.identified.size == 0

@@ -12,7 +12,6 @@ import pytest
 from cbf_clf_qp.daqp_source import SourceError, unpack_daqp
 from rabbit_estimator.contact_aided_filter import sensors_row
 from rabbit_experiments.assembly import Assembly, exported_estimator, resolve_policy
-from rabbit_experiments.commands.export import daqp_source
 from rabbit_sim.c_example import write_example
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.export import ExportError, export
@@ -114,17 +113,6 @@ def test_a_call_says_what_is_wrong_and_a_tick_calls_nothing_that_waits(tmp_path:
     assert code(3, READING_STONE=7.0) == 3
     assert code(3, SETTINGS_EPS=np.nan) == 5
     assert code(4, READING_TOUCHDOWNS=2.0) == 3
-
-
-def test_without_a_package_index_a_line_says_what_is_taken_instead(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setenv("CBF_CLF_QP_CACHE", str(tmp_path))
-    monkeypatch.setattr("cbf_clf_qp.daqp_source.PATIENCE", 0)
-    assert daqp_source(tmp_path) is None
-    said = "In daqp/ is the library of CasADi's wheel, for this platform; --daqp takes a folder of the source"
-    assert capsys.readouterr().err == f"rabbit: daqp 0.5.1: pip takes more than 0 s. {said}\n"
-    assert not list(tmp_path.iterdir())
 
 
 def test_what_is_python_is_refused(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from urllib.parse import parse_qsl, urlsplit
 import pytest
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_viewer.commands.play import DEFAULTS
-from rabbit_viewer.play.settings import NOBODY, PlaySettings, Start, plant_of, settings_of
+from rabbit_viewer.play.settings import NOBODY, Start, plant_of, settings_of
 from rabbit_viewer.play.walker import Walker
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
@@ -60,16 +60,6 @@ def walked(name: str, begun: Start) -> str:
     finally:
         walker.close()
     return "walks" if ended["outcome"] == "walked" else f"falls after {ended['stones']}"
-
-
-def test_the_lesson_asks_eight_questions_and_all_links_are_the_pages() -> None:
-    questions = re.findall(r"^## \d\. ", LESSON, re.MULTILINE)
-    assert len(questions) == LESSON.count("<details>") == LESSON.count("</details>") == 8
-    for row in ROWS:
-        assert not row["link"] or row["link"].startswith("http://127.0.0.1:8765/#")
-        if row["link"]:
-            PlaySettings.model_validate_strings(asked(row))
-    assert len(ROWS) >= 15
 
 
 @pytest.mark.slow

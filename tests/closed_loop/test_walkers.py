@@ -67,13 +67,6 @@ def test_an_episode_is_done_after_its_impacts_and_failed_without_them():
     assert (late.outcome, late.impacts, len(late.moments)) == ("failed", 2, 30)
 
 
-def test_what_does_not_fit_is_named():
-    with pytest.raises(TaskError, match="impact: after has 1 components; expected 2"):
-        ball(impact=Impact(ca.SX(1), ca.SX(1)))
-    with pytest.raises(TaskError, match="impacts = 3: expected 1 or more, and an impact"):
-        ball(impact=None, impacts=3)
-
-
 def floating(walker, x):
     """q and q' (n,) of the whole robot, its stance foot at rest at the origin."""
     n = len(walker.coordinates)
@@ -196,15 +189,9 @@ def test_a_short_training_finds_most_of_the_error():
     ("old", "new", "text"),
     [
         ("urdf: three_link_walker.urdf", "urdf: nosuch.urdf", "No such file"),
-        ("foot: left_foot", "foot: nosuch", "no link nosuch"),
         ("{hip: right_hip,", "{knee: right_hip,", "expected foot and joints by the same names"),
-        ("{pitch: 1}", "{roll: 1}", "roll: expected one of pitch, stance_hip, swing_hip"),
-        ("hip: left_hip", "hip: left_knee", "expected also the joint left_hip"),
         ("phase_range: [-0.2527,", "phase_range: [0.2527,", "expected a sum that grows"),
-        ("legs: [0.0, 0.1408,", "legs: [0.1408,", "expected rows of the same length"),
-        ("  legs: [0.0,", "  arms: [0.0,", "path of torso, arms: expected that of each output, torso, legs"),
         ("limit: 100", "limit: -1", "limit"),
-        ("plant: {mass: 2}", "plant: {weight: 2}", "weight: expected one of mass, payload, motors"),
         ("limit: 100", "limits: 100", "limits"),
     ],
 )
@@ -213,31 +200,6 @@ def test_a_wrong_file_is_one_line(tmp_path, old, new, text):
     assert old in source
     (tmp_path / "walker.yaml").write_text(source.replace(old, new))
     (tmp_path / "three_link_walker.urdf").write_text((EXAMPLES / "three_link_walker.urdf").read_text())
-    with pytest.raises(TaskError) as error:
-        load_task(str(tmp_path / "walker.yaml"))
-    assert text in str(error.value)
-    assert "\n" not in str(error.value)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "text"),
-    [
-        ('<mass value="5"/>', '<mass value="0"/>', "mass 0 of what the joint left_hip moves: expected a positive mass"),
-        ('<mass value="5"/>', '<mass value="-5"/>', "link left_leg: mass value = -5: expected 0 or more"),
-        ('<mass value="5"/>', '<mass value="nan"/>', "link left_leg: mass value = nan: expected 0 or more"),
-        ('<mass value="25"/>', '<mass value="heavy"/>', "link torso: mass value = heavy: expected 0 or more"),
-        ('<mass value="25"/>', "<mass/>", "link torso: mass value = None: expected 0 or more"),
-        ('iyy="1.5"', 'iyy="-1.5"', "link torso: inertia iyy = -1.5: expected 0 or more"),
-        ('xyz="0 0 -0.5"', 'xyz="0 0 nan"', "origin xyz = 0 0 nan: expected 3 finite numbers"),
-        ('<joint name="left_hip"', "<joint", "URDF"),
-        ('<child link="left_leg"/>', "<child/>", "URDF"),
-    ],
-)
-def test_a_wrong_urdf_is_one_line(tmp_path, old, new, text):
-    source = (EXAMPLES / "three_link_walker.urdf").read_text()
-    assert old in source
-    (tmp_path / "three_link_walker.urdf").write_text(source.replace(old, new))
-    (tmp_path / "walker.yaml").write_text((EXAMPLES / "three_link_walker.yaml").read_text())
     with pytest.raises(TaskError) as error:
         load_task(str(tmp_path / "walker.yaml"))
     assert text in str(error.value)
@@ -259,8 +221,3 @@ def test_a_failure_names_its_limit(tmp_path):
     assert re.fullmatch(r"hip = 0\.9\d+: expected at least 2 m", ended.reason)
     write_ride(ended, tmp_path / "bag", None)
     assert recorded_ride(high, tmp_path / "bag").reason == ended.reason
-
-
-def test_an_episode_without_its_impacts_says_how_many_it_had():
-    late = Rider(ball(impacts=3, duration=1.5)).ride("nominal", 1)
-    assert late.reason == "impacts = 2: expected 3 in 1.5 s"

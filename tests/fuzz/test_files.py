@@ -1,177 +1,170 @@
-"""Files of every kind, cut, garbled or of another content: they are read, or refused in one line. Nothing else."""
+"""Each kind of file, changed anyhow: it is used, or refused in one line that names it. Then a sound one is read."""
 
-import contextlib
-import tempfile
-from collections.abc import Callable
-from itertools import accumulate
+import io
+import pickle
+import signal
+import time
+import warnings
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 import numpy as np
 import pytest
-import yaml
-from file_kinds import TINY, go_on, kept_files, transition
-from hypothesis import example, given
+import torch
+from entrances import Entrance, entrances
+from hypothesis import given, settings
 from hypothesis import strategies as st
-from rabbit_description import GAITS
-from rabbit_description.gait import GaitError, load_gait, load_gaits
-from rabbit_recording import RecordingError
-from rabbit_recording.bag_writer import BagWriter
-from rabbit_recording.contents import contents
-from rabbit_recording.open_recording import one_line_errors, opened
-from rabbit_recording.reader import iterate_episodes
-from rabbit_recording.recover import recover
-from rabbit_sim.restart_file import RestartFile, RestartFileError
-from rabbit_sim.stones import CourseError, read_course
-from recorded_walk import TYPES, in_sqlite3
-from rl_cbf_clf_controller.parameters import CONFIG
-from rl_cbf_clf_controller.parameters import ParameterError as ControllerParameterError
-from rl_cbf_clf_controller.parameters import load_parameters as load_controller
-from rl_trainer.checkpoint import CHECKPOINT, CheckpointError, journal_path, line_of, read_journal
+from mutations import BOMBS, flipped, mutated
+from rabbit_description.gait import load_gait
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.simulation import Simulation
+from recorded_walk import SEED, Walk
+from rl_cbf_clf_controller.controller import Controller
+from rl_cbf_clf_controller.parameters import ControllerParameters
+from rl_cbf_clf_controller.policy import ZeroPolicy
+from rl_trainer.checkpoint import DIGEST
+from rl_trainer.rollout import Record, rollout
 
-COURSE = yaml.safe_dump({"stones": [{"l_min": 0.35, "l_max": 0.4}, {"l_min": 0.36}]}).encode()
-CSV = b"l_min,l_max\n0.35,0.40\n0.36,0.41\n"
-GAIT = (GAITS / "authors_035.yaml").read_bytes()
-ONE = yaml.safe_load(GAIT)
-OTHER = {**ONE, "step_length": 0.5}
-LENGTH = ONE["step_length"]
-GAIT_LIBRARY = yaml.safe_dump({"name": "two", "start_length": LENGTH, "gaits": [ONE, OTHER]}).encode()
-AUTHORS = (CONFIG / "authors.yaml").read_bytes()
-
-scalars = st.one_of(
-    st.none(), st.booleans(), st.integers(), st.floats(), st.text(max_size=8), st.sampled_from(["0x", "2001-99-99"])
-)
-DEEP = b"[" * 3000
-contents_of_yaml = st.recursive(
-    scalars, lambda inner: st.lists(inner, max_size=4) | st.dictionaries(scalars, inner, max_size=4), max_leaves=12
-)
+MOST_SECONDS, MOST_BYTES, LONGEST = 3.0, 500_000_000, 5000  # CPU, three times its bar; memory; of a refusal, characters
+HANGS = 60  # s, wall clock
+TICKS = 12  # of the walk that is recorded
+SEALED = ("policy", "journal", "checkpoint")
+SEEDS = st.integers(0, 2**32 - 1)
 
 
-@st.composite
-def damaged(draw: st.DrawFn, whole: bytes) -> bytes:
-    """The bytes of a sound file with some replaced, taken out or put in, and perhaps cut."""
-    data = bytearray(whole)
-    for _ in range(draw(st.integers(0, 4))):
-        place = draw(st.integers(0, len(data)))
-        data[place : place + draw(st.integers(0, 8))] = draw(st.binary(max_size=8))
-    return bytes(data[: draw(st.integers(0, len(data)))]) if draw(st.booleans()) else bytes(data)
+def first_ticks() -> Walk:
+    """Of a walk."""
+    parameters = ControllerParameters(sigma=1.0)
+    gait = load_gait(parameters.gait)
+    simulation, records = Simulation(SimulationParameters(stones=1), gait), list[Record]()
+    rollout(simulation, Controller(parameters, gait, ZeroPolicy(parameters.problem)), SEED, records.append)
+    simulation.close()
+    return Walk(parameters, records[:TICKS], [])
 
 
-def texts(whole: bytes) -> st.SearchStrategy[bytes]:
-    """What a YAML file may hold."""
-    trees = contents_of_yaml.map(lambda tree: yaml.safe_dump(tree).encode())
-    known = st.dictionaries(st.sampled_from(sorted(yaml.safe_load(whole))), contents_of_yaml, max_size=4)
-    changed = known.map(lambda new: yaml.safe_dump({**yaml.safe_load(whole), **new}).encode())
-    return st.one_of(damaged(whole), trees, changed, st.binary(max_size=60))
+ENTRANCES = entrances(first_ticks())
 
 
-def read_or_refused(read: Callable[[Path], Any], error: type[Exception], name: str, data: bytes) -> None:
-    """Write the file and read it: nothing but `error` is raised, and it names the file."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / name
-        path.write_bytes(data)
-        refusal = str(path.parent)
-        try:
-            read(path)
-        except error as reason:
-            refusal = str(reason)
-        assert str(path.parent) in refusal
+class TooSlow(BaseException):
+    """Raised by the alarm; no reader may catch it."""
 
 
-@example(DEEP)
-@given(texts(GAIT))
-def test_gaits(data: bytes) -> None:
-    read_or_refused(load_gait, GaitError, "gait.yaml", data)
+def on_alarm(_signal: int, _frame: FrameType | None) -> None:
+    raise TooSlow
 
 
-@example(DEEP)
-@given(texts(GAIT_LIBRARY))
-def test_gait_libraries(data: bytes) -> None:
-    read_or_refused(load_gaits, GaitError, "library.yaml", data)
+def peak(field: str) -> int:
+    """Bytes: `VmRSS` now, or `VmHWM`, the most since it was last reset."""
+    (line,) = (line for line in Path("/proc/self/status").read_text().splitlines() if line.startswith(field))
+    return int(line.split()[1]) * 1024
 
 
-@example(DEEP)
-@given(texts(COURSE))
-def test_courses_in_yaml(data: bytes) -> None:
-    read_or_refused(lambda path: read_course(path, 2, 0.05), CourseError, "course.yaml", data)
+def read(entrance: Entrance, path: Path, data: bytes) -> tuple[Any, str]:
+    """What is read of a file, and the refusal; all within the bounds."""
+    path.write_bytes(data)
+    Path("/proc/self/clear_refs").write_text("5")
+    before, begin, value, said = peak("VmRSS"), time.process_time(), None, ""
+    signal.signal(signal.SIGALRM, on_alarm)
+    signal.alarm(HANGS)
+    try:
+        value = entrance.reads(path)
+    except entrance.error as error:
+        said = str(error)
+        assert str(path.parent) in said or not entrance.is_told
+        assert "\n" not in said
+        assert len(said) <= LONGEST
+    finally:
+        signal.alarm(0)
+    assert time.process_time() - begin < MOST_SECONDS
+    assert peak("VmHWM") - before < MOST_BYTES
+    return value, said
 
 
-@given(damaged(CSV) | st.binary(max_size=80) | st.text(max_size=80).map(lambda text: text.encode("utf-8")))
-def test_courses_in_csv(data: bytes) -> None:
-    read_or_refused(lambda path: read_course(path, 2, 0.05), CourseError, "course.csv", data)
+@pytest.fixture
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """Makes empty folders: a reader may leave something in its own."""
+    return lambda: tmp_path_factory.mktemp("hostile")
 
 
-@example(DEEP)
-@given(texts(AUTHORS))
-def test_controller_parameters(data: bytes) -> None:
-    read_or_refused(load_controller, ControllerParameterError, "parameters.yaml", data)
+def is_taken(entrance: Entrance, folder: Path) -> bool:
+    """Whether a sound file is read."""
+    return read(entrance, folder / entrance.file, entrance.sound)[1] == ""
 
 
-@given(st.binary(max_size=40) | damaged(bytes(32)))
-def test_simulator_memories(data: bytes) -> None:
-    read_or_refused(RestartFile, RestartFileError, "memory", data)
+@pytest.mark.parametrize("name", ENTRANCES)
+@given(seed=SEEDS)
+def test_a_changed_file_is_used_or_refused(name: str, folder: Any, seed: int) -> None:
+    """Within seconds and 500 MB; half of them with checksums that fit."""
+    entrance, rng = ENTRANCES[name], np.random.default_rng(seed)
+    data = mutated(entrance.seal(entrance.sound) if rng.random() < 0.5 else entrance.sound, rng)
+    with warnings.catch_warnings(action="ignore"):
+        read(entrance, folder() / entrance.file, entrance.seal(data) if rng.random() < 0.7 else data)
+    assert is_taken(entrance, folder())
 
 
-# What a trainer keeps
-
-CHECKPOINT_BYTES, JOURNAL_BYTES = kept_files()
-JOURNAL_LINES = [line_of(transition(tick), TINY) for tick in range(3)]
-
-
-@given(damaged(CHECKPOINT_BYTES) | st.binary(max_size=60))
-def test_checkpoints(data: bytes) -> None:
-    read_or_refused(go_on, CheckpointError, CHECKPOINT, data)
-
-
-@given(damaged(JOURNAL_BYTES) | st.binary(max_size=60))
-def test_journals(data: bytes) -> None:
-    read_or_refused(go_on, CheckpointError, journal_path(Path(), 0).name, data)
+@pytest.mark.parametrize("bomb", BOMBS)
+@pytest.mark.parametrize("name", ENTRANCES)
+def test_a_bomb_is_refused_within_bounds(name: str, bomb: str, folder: Any) -> None:
+    """A journal has no sound line then; an empty file of parameters changes none."""
+    entrance = ENTRANCES[name]
+    value, said = read(entrance, folder() / entrance.file, BOMBS[bomb])
+    assert said or value == b"" or bomb == "nothing"
+    assert is_taken(entrance, folder())
 
 
-@given(st.integers(0, len(JOURNAL_BYTES)))
-def test_a_cut_journal_holds_all_that_is_whole(length: int) -> None:
-    with tempfile.TemporaryDirectory() as folder:
-        path = journal_path(Path(folder), 0)
-        path.write_bytes(JOURNAL_BYTES[:length])
-        held, ends = read_journal(path, TINY), list(accumulate(map(len, JOURNAL_LINES)))
-        assert [each.tick for each in held] == list(range(sum(length >= end - 1 for end in ends)))
-        for each in held:
-            np.testing.assert_array_equal(each.observation, transition(each.tick).observation)
+class Bomb:
+    """What makes a file when it is unpickled."""
+
+    def __init__(self, mark: Path) -> None:
+        self.mark = mark
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Path.touch, (self.mark,)
 
 
-# Recordings
+def saved_by_torch(bomb: Bomb, file: io.BytesIO) -> None:
+    torch.save({"parameters": bomb}, file)
 
 
-def recorded(storage: str) -> tuple[str, bytes]:
-    """Name and bytes of a small sound recording's file."""
-    with tempfile.TemporaryDirectory() as folder:
-        writer = BagWriter(Path(folder) / "bag", TYPES)
-        writer.add("/state", "rabbit_msgs/msg/RobotState", [])
-        writer.add("/episode", "rabbit_msgs/msg/Episode", [])
-        for tick in range(4):
-            writer.write("/state", tick * 10_000_000, bytes([0, 1]) + bytes(200))
-            writer.flush()
-        writer.close()
-        bag = writer.path if storage == "mcap" else in_sqlite3(writer.path, Path(folder) / "sqlite3")
-        (file,) = (each for each in bag.iterdir() if each.suffix in (".mcap", ".db3"))
-        return file.name, file.read_bytes()
+def saved_by_numpy(bomb: Bomb, file: io.BytesIO) -> None:
+    np.savez(file, about=np.array([bomb], dtype=object))
 
 
-BAGS = {storage: recorded(storage) for storage in ("mcap", "sqlite3")}
+LOADS: dict[Any, Any] = {
+    pickle.dump: pickle.load,
+    saved_by_torch: lambda file: torch.load(file, weights_only=False),
+    saved_by_numpy: lambda file: dict(np.load(file, allow_pickle=True)),
+}
 
 
-def use_bag(path: Path) -> None:
-    """All that is done with a recording; each may refuse it."""
-    for use in (contents, lambda bag: list(iterate_episodes(bag)), lambda bag: recover(bag, bag.parent / "recovered")):
-        with contextlib.suppress(RecordingError):
-            use(path)
-    with opened(path) as reader, one_line_errors(path):
-        list(reader.messages())
+@pytest.mark.filterwarnings("ignore:Detected pickle protocol")
+@pytest.mark.parametrize("save", LOADS)
+def test_no_pickle_is_run(save: Any, folder: Any, tmp_path: Path) -> None:
+    """Each would run code where it is loaded, and no reader loads it."""
+    file = io.BytesIO()
+    save(Bomb(tmp_path / "mark"), file)
+    for entrance in ENTRANCES.values():
+        for data in (file.getvalue(), entrance.seal(bytes(DIGEST) + file.getvalue())):
+            value, said = read(entrance, folder() / entrance.file, data)
+            assert said or value == b""
+    assert not (tmp_path / "mark").exists()
+    LOADS[save](io.BytesIO(file.getvalue()))
+    assert (tmp_path / "mark").exists(), "the bomb is live"
 
 
-@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
-@given(st.data())
-def test_recordings(storage: str, data: st.DataObject) -> None:
-    name, whole = BAGS[storage]
-    content = data.draw(damaged(whole) | st.binary(max_size=60))
-    read_or_refused(use_bag, RecordingError, name, content)
+@pytest.mark.parametrize("name", SEALED)
+@settings(max_examples=300)
+@given(seed=SEEDS)
+def test_no_flipped_bit_is_taken(name: str, folder: Any, seed: int) -> None:
+    """Of a policy, checkpoint or journal: it changes nothing, or is refused; a journal loses the line alone."""
+    entrance = ENTRANCES[name]
+    data = bytearray(entrance.sound)
+    flipped(data, np.random.default_rng(seed))
+    value, said = read(entrance, folder() / entrance.file, bytes(data))
+    sound, _ = read(entrance, folder() / entrance.file, entrance.sound)
+    if name == "policy":
+        assert said or value.version == sound.version
+    else:
+        rows = {sound[at : at + 56] for at in range(0, len(sound), 56)}  # of 14 numbers of 4 bytes
+        assert said or {value[at : at + 56] for at in range(0, len(value), 56)} <= rows

@@ -1,6 +1,5 @@
 """docs/topics.md, the parameter files and the nodes say the same."""
 
-import ast
 import inspect
 import re
 from pathlib import Path
@@ -12,8 +11,7 @@ import rl_cbf_clf_controller.ros.policies
 import rl_trainer.ros.node
 import yaml
 from pydantic import BaseModel
-from rabbit_bringup.launching.processes import PACKAGES
-from rabbit_common.ros.topics import SERVICES, TOPICS
+from rabbit_common.ros.topics import TOPICS
 from rabbit_estimator.parameters import EstimatorParameters
 from rabbit_recording.ros import recorder as recorder_node
 from rabbit_sim.parameters import SimulationParameters
@@ -24,7 +22,6 @@ from rl_trainer.parameters import TrainingParameters
 
 ROOT = Path(__file__).parents[2]
 BRINGUP = ROOT / "ros2_ws" / "src" / "rabbit_bringup"
-PAGE = (ROOT / "docs" / "topics.md").read_text(encoding="utf-8")
 MODELS: dict[str, tuple[type[BaseModel], ...]] = {
     "simulator": (simulator.NodeParameters, SimulationParameters),
     "estimator": (rabbit_estimator.parameters.NodeParameters, EstimatorParameters),
@@ -33,60 +30,6 @@ MODELS: dict[str, tuple[type[BaseModel], ...]] = {
     "recorder": (recorder_node.NodeParameters,),
     "viewer": (ViewerParameters,),
 }
-
-
-def row(name: str) -> list[str]:
-    """Cells of the table row that begins with a name."""
-    found = re.search(rf"^\| `{name}` \|(.*)\|$", PAGE, re.MULTILINE)
-    assert found, name
-    return [cell.strip() for cell in found[1].split("|")]
-
-
-def test_topics_page_lists_every_topic() -> None:
-    for topic in TOPICS:
-        kind, publisher, readers, qos, *_ = row(topic.name)
-        package, _, name = topic.type_name.split("/")
-        assert (kind, publisher) == (f"`{package}/{name}`", topic.publisher)
-        assert set(topic.readers) - {"launcher"} <= set(readers.split(", "))
-        depth = re.search(r"last (\d+)", " ".join(row_of_qos(qos)))
-        assert depth is not None
-        assert int(depth[1]) == topic.qos.depth
-        assert row_of_qos(qos)[0] == topic.qos.reliability.name.lower().replace("_", " ")
-        assert row_of_qos(qos)[1] == topic.qos.durability.name.lower().replace("_", " ")
-
-
-def test_each_packages_readme_names_its_nodes_topics_and_services() -> None:
-    for node, package in PACKAGES.items():
-        text = (BRINGUP.parent / package / "README.md").read_text(encoding="utf-8")
-        wanted = {topic.name for topic in TOPICS if node in (topic.publisher, *topic.readers)}
-        wanted |= {service.name for service in SERVICES if service.node == node}
-        assert wanted <= set(re.findall(r"`(\w+)`", text)), package
-
-
-def row_of_qos(name: str) -> list[str]:
-    """Cells of a QoS profile's row."""
-    found = re.search(rf"^\| {name} \|(.*)\|$", PAGE, re.MULTILINE)
-    assert found, name
-    return [cell.strip() for cell in found[1].split("|")]
-
-
-def test_topics_page_lists_the_nodes_own_parameters() -> None:
-    for node, (own, *_) in MODELS.items():
-        named = set(re.findall(r"`(\w+)`", next(line for line in parameter_rows() if line.startswith(f"| `{node}` |"))))
-        assert set(own.model_fields) <= named
-        known = {name for model in MODELS[node] for name in model.model_fields}
-        assert named - {node} <= known
-
-
-def parameter_rows() -> list[str]:
-    """Lines of the parameter table."""
-    return PAGE[PAGE.index("## Parameters") : PAGE.index("## Recordings")].splitlines()
-
-
-def test_every_parameter_is_described() -> None:
-    for model in {model for models in MODELS.values() for model in models}:
-        for name, field in model.model_fields.items():
-            assert field.description, f"{model.__name__}.{name}"
 
 
 def test_graph_yaml_names_known_parameters_with_their_values() -> None:
@@ -107,15 +50,6 @@ def test_rosbag2_is_told_how_to_keep_every_tick() -> None:
         asked = (topic.qos.reliability.name.lower(), topic.qos.durability.name.lower(), "keep_last")
         assert (qos["reliability"], qos["durability"], qos["history"]) == asked
         assert qos["depth"] >= topic.qos.depth
-
-
-def test_walk_launch_leaves_nodes_and_parameters_to_rabbit_walk() -> None:
-    tree = ast.parse((BRINGUP / "launch" / "walk.launch.py").read_text(encoding="utf-8"))
-    called = {getattr(node.func, "id", "") for node in ast.walk(tree) if isinstance(node, ast.Call)}
-    words = {node.value for node in ast.walk(tree) if isinstance(node, ast.Constant)}
-    assert {"arguments_of", "ExecuteProcess"} <= called
-    assert {"rabbit", "walk"} <= words
-    assert not words & {*MODELS}
 
 
 def test_no_node_hides_an_attribute_of_rclpy() -> None:

@@ -1,6 +1,5 @@
 """The state estimator in a graph: what it does when it is late, comes in the middle, or is alone."""
 
-import math
 from typing import Any
 
 import numpy as np
@@ -8,7 +7,6 @@ import pytest
 from rabbit_common.ros.conversions import encoder_message, encoders_of, header, imu_message, imu_of
 from rabbit_description.state import BodySensors, orientation_of
 from rabbit_msgs.msg import Episode
-from rabbit_msgs.srv import ResetEpisode
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import Imu, JointState
 
@@ -63,19 +61,6 @@ def test_an_estimator_that_comes_in_the_middle_says_so_and_the_next_episode_walk
     assert unknown == first.tick
 
 
-def test_a_reset_by_service_begins_anew(world: Any) -> None:
-    states, episodes = begin(world, episodes=0, pace=1.0)
-    assert world.ask(ResetEpisode, "reset_episode", seed=3).success
-    world.wait(lambda: bool(states) and states[-1].tick > 20)
-    assert world.ask(ResetEpisode, "reset_episode", seed=4).episode == 2
-    world.wait(lambda: bool(ended(episodes, 2)))
-    assert ended(episodes, 1)[0].outcome == "reset"
-    assert ended(episodes, 2)[0].outcome == "walked"
-    world.wait(lambda: states[-1].tick == episodes[-1].tick)
-    assert {m.tick for m in states if m.episode == 2} == set(range(episodes[-1].tick + 1))
-    assert all(np.isfinite(m.q).all() for m in states)
-
-
 def test_a_simulator_that_is_started_again_walks_on(world: Any) -> None:
     states, episodes = begin(world, pace=1.0)
     world.wait(lambda: bool(states) and states[-1].tick > 20)
@@ -87,10 +72,3 @@ def test_a_simulator_that_is_started_again_walks_on(world: Any) -> None:
     world.wait(lambda: bool(ended(episodes, 1)))
     assert ended(episodes, 1)[0].outcome == "walked"
     assert (states[heard].episode, states[heard].tick) == (1, 0)
-
-
-@pytest.mark.parametrize(("name", "value"), [("jerk", -1.0), ("foot_radius", math.nan)])
-def test_a_parameter_that_cannot_be_used_ends_it(world: Any, name: str, value: float) -> None:
-    world.start("estimator", **{name: value})
-    assert world.processes.wait("estimator", 60.0) == 2
-    assert name in (world.folder / "log" / "estimator.log").read_text()

@@ -16,7 +16,6 @@ from typing import Any
 import pytest
 import yaml
 from rabbit_bringup.commands.walk import DEFAULTS
-from rabbit_common.exit_codes import ExitCode
 from rabbit_recording.reader import iterate_episodes
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
@@ -167,55 +166,3 @@ def test_both_launchers_start_the_same_nodes_and_say_the_same(tmp_path: Path, tr
     said = re.findall(r"^\[walk-\d+\] (?:\[\w+\] )?(.*)$", by_launch.stdout, re.MULTILINE)
     lines = [line for line in by_rabbit.stdout.splitlines() if line.startswith(("episode ", "walked"))]
     assert lines == [line for line in said if line.startswith(("episode ", "walked"))]
-
-
-@needs_launch
-@pytest.mark.parametrize(
-    ("word", "said"),
-    [("record:=maybe", "record:=maybe: expected true or false"), ("mass_scale:=99", "--mass-scale 99")],
-)
-def test_a_launch_refuses_in_one_line_and_starts_nothing(word: str, said: str, tmp_path: Path) -> None:
-    done = launch(word, f"out:={tmp_path / 'walk'}")
-    assert done.returncode == 1
-    assert said in done.stdout + done.stderr
-    assert not (tmp_path / "walk").exists()
-    assert "Traceback" not in done.stdout + done.stderr
-
-
-@needs_launch
-def test_a_launch_whose_robot_falls_fails(tmp_path: Path) -> None:
-    heavy = ("controller:=cbf-clf-qp", "mass_scale:=2", "trainer:=0", "record:=0", "namespace:=heavy")
-    done = launch(*heavy, f"out:={tmp_path / 'walk'}", "ready_timeout:=180")
-    assert done.returncode == 1
-    assert "fell: 0 of 1 episodes walked" in done.stdout
-    assert f"exit code {int(ExitCode.FELL)}" in done.stdout + done.stderr
-
-
-def test_a_node_with_use_sim_time_follows_the_graphs_clock(root_world: Any) -> None:
-    """In the root namespace without any remapping."""
-    import rclpy
-    from rclpy.parameter import Parameter
-    from rclpy.signals import SignalHandlerOptions
-
-    context = rclpy.Context()
-    rclpy.init(args=[], context=context, signal_handler_options=SignalHandlerOptions.NO)
-    try:
-        foreign = rclpy.create_node(
-            "foreign", context=context, parameter_overrides=[Parameter("use_sim_time", value=True)]
-        )
-        root_world.start("simulator", motor_lag=0.004, stones=3, pace=5.0, mass_scale=1.0)
-        root_world.start("controller", controller="cbf-clf-qp", use_sim_time=True)
-        root_world.go()
-        states = root_world.hear("state")
-        executor = rclpy.executors.SingleThreadedExecutor(context=context)
-        executor.add_node(foreign)
-
-        def seconds() -> float:
-            executor.spin_once(0.0)
-            return foreign.get_clock().now().nanoseconds / 1e9
-
-        root_world.wait(lambda: 0.2 < seconds() < 60.0)  # by the wall clock it would be many years
-        there = seconds()
-        root_world.wait(lambda: any(s.header.stamp.sec + s.header.stamp.nanosec / 1e9 >= there for s in states))
-    finally:
-        rclpy.try_shutdown(context=context)

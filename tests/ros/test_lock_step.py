@@ -115,11 +115,3 @@ def test_recording_has_qos_and_definitions(tmp_path: Path) -> None:
         assert preview.durability.name == "TRANSIENT_LOCAL"
         ticks = [time for connection, time, _ in reader.messages() if connection.topic == "/here/state"]
     assert np.diff(ticks).tolist() == [10_000_000] * (len(ticks) - 1)
-
-
-def test_two_episodes_take_the_next_seed(tmp_path: Path) -> None:
-    plant, parameters = SimulationParameters(stones=1), ControllerParameters()
-    walk_through_nodes(tmp_path, plant, parameters, episodes=2)
-    episodes = read_episodes(tmp_path / "recording")
-    assert [episodes[number].seed for number in (1, 2)] == [SEED, SEED + 1]
-    assert_same(episodes[2].records, walk_in_process(plant, parameters, SEED + 1)[0])

@@ -177,44 +177,6 @@ def test_when_policies_take_effect(world: Any, tmp_path: Path, swap_at: str) -> 
     assert f"policy {answer.version} of {tmp_path}/two.safetensors in force from tick " in log
 
 
-@pytest.mark.parametrize("swap_at", ["tick", "episode"])
-def test_what_was_refused_changes_nothing_of_later_episodes(world: Any, tmp_path: Path, swap_at: str) -> None:
-    """Junk and unfit policies, by service and by topic, before an episode and during it."""
-    commands, swaps, episodes = world.hear("torque"), world.hear("policy_swap"), world.hear("episode")
-    (tmp_path / "junk").write_bytes(b"junk")
-    policy(1).write(tmp_path / "good")
-    world.start("simulator", episodes=0, **SHORT)
-    world.start("controller", policy=str(tmp_path / "good"), swap_at=swap_at, **PARAMETERS.model_dump())
-    world.go()
-    world.wait(lambda: bool(swaps))
-    for number in (1, 2, 3):
-        for path in (tmp_path / "junk", policy_path("rl-clf-qp")):
-            assert not world.ask(LoadPolicy, "load_policy", policy=str(path)).success
-        world.say("policy", PolicyWeights(version="x", data=[1, 2, 3]))
-        world.say("policy", weights(UNFIT))
-        world.wait(lambda number=number: len(swaps) >= 1 + 4 * number)
-        assert world.ask(ResetEpisode, "reset_episode", seed=1).success
-        world.wait(lambda number=number: over(episodes, number))
-        assert (episodes[-1].outcome, episodes[-1].reason) == ("walked", "")
-    assert {command.policy_version for command in commands} == {policy(1).version}
-    shipped = read(policy_path("rl-clf-qp"))
-    assert {swap.version for swap in swaps if not swap.accepted} == {"", UNFIT.version, shipped.version}
-
-
-def test_never_hears_no_published_policy(world: Any, tmp_path: Path) -> None:
-    commands, swaps = world.hear("torque"), world.hear("policy_swap")
-    policy(1).write(tmp_path / "one")
-    world.start("simulator", episodes=0, **SHORT)
-    world.start("controller", swap_at="never", **PARAMETERS.model_dump())
-    world.go()
-    assert world.node.count_subscribers(f"/{world.namespace}/policy") == 0
-    assert world.ask(LoadPolicy, "load_policy", policy=str(tmp_path / "one")).success
-    assert world.ask(ResetEpisode, "reset_episode", seed=1).success
-    world.wait(lambda: bool(commands))
-    assert commands[0].policy_version == policy(1).version
-    assert [swap.accepted for swap in swaps] == [True, True]
-
-
 def planned(world: Any, version: str) -> None:
     """A simulator that follows plans, a controller, and a plan of episode 1 with this policy."""
     world.start("simulator", trainer="follow", **SHORT)
@@ -253,17 +215,6 @@ def test_a_planned_policy_is_waited_for_whatever_others_publish_under_its_name(w
     world.wait(lambda: over(episodes))
     assert episodes[-1].outcome == "walked"
     assert {command.policy_version for command in commands} == {real.version}
-
-
-def test_a_planned_policy_goes_before_a_newer_one(world: Any) -> None:
-    commands, episodes = world.hear("torque"), world.hear("episode")
-    planned(world, policy(1).version)
-    for number in (1, 2):
-        world.say("policy", weights(policy(number)))
-    world.wait(lambda: diagnostic(world, "controller", "policy waiting") == policy(2).version)
-    world.go()
-    world.wait(lambda: over(episodes))
-    assert {command.policy_version for command in commands} == {policy(1).version}
 
 
 def diagnostic(world: Any, node: str, key: str) -> str:
@@ -317,16 +268,3 @@ def test_an_operator_loads_policies_by_command(world: Any, tmp_path: Path) -> No
     code, said = load(file, "--namespace", "two words")
     assert (code, said.count("\n")) == (2, 1)
     assert "--namespace two words: expected" in said
-
-
-def test_a_policy_is_loaded_into_a_graph_that_is_still_starting(world: Any, tmp_path: Path) -> None:
-    """As in Get started: `rabbit walk ... &`, then `rabbit policy load` at once."""
-    file = tmp_path / "one.safetensors"
-    policy(1).write(file)
-    command = ["rabbit", "policy", "load", str(file), "--namespace", world.namespace, "--timeout", "300"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as loading:
-        assert loading.stderr is not None
-        assert loading.stderr.readline() == f"waiting for /{world.namespace}/load_policy, 300 s at most\n"
-        world.start("controller", **PARAMETERS.model_dump())
-        said, _ = loading.communicate(timeout=300)
-    assert (loading.returncode, said) == (0, f"{file}: loaded, version {policy(1).version}\n")

@@ -13,7 +13,6 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from rabbit_common.priority import NICE
 from rabbit_description.state import TICK_SECONDS
 from rabbit_msgs.msg import Episode, Timing, TorqueCommand
-from rl_trainer.parameters import TrainingParameters
 from std_srvs.srv import SetBool
 
 PACE, HELD, DAMPED, DAMPING = 0.1, 2, 10, 10.0
@@ -115,20 +114,3 @@ def test_who_can_wait_goes_behind_who_cannot(world: Any) -> None:
         if name == "trainer":
             assert list(threads.values()).count(usual + NICE) > 1  # the learning's too
             assert usual in threads.values()  # and not the middleware's, which hold locks that others wait for
-
-
-def test_no_update_runs_while_a_robot_walks_in_real_time(world: Any) -> None:
-    """What an episode is walked with exists only after the updates of the one before."""
-    episodes, plans = world.hear("episode"), world.hear("episode_plan")
-    training = TrainingParameters(
-        nominal_episodes=0, hidden1=16, hidden2=16, batch=8, updates_least=20, updates_per_tick=0.0
-    )
-    world.start("simulator", **{**SLOW, "pace": 1.0, "stones": 1}, trainer="auto", episodes=3, held_ticks=1000)
-    world.start("controller", controller="rl-cbf-clf-qp")
-    world.start("trainer", **training.model_dump(mode="json"))
-    world.go()
-    world.wait(lambda: any(e.episode == 3 and e.phase == Episode.ENDED for e in episodes))
-    begun = {e.episode: e.policy_version for e in episodes if e.phase == Episode.RUNNING and not e.controller}
-    planned = {plan.after_episode + 1: plan.policy_version for plan in plans}
-    assert begun == {number: planned[number] for number in (1, 2, 3)}
-    assert len(set(begun.values())) == 3  # each made by its own updates

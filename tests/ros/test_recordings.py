@@ -11,8 +11,6 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from rabbit_bringup.launching.walk import WalkOptions, WalkSettings
 from rabbit_bringup.ros.walking import walk_through
 from rabbit_msgs.msg import Episode
-from rabbit_recording import RecordingError
-from rabbit_recording.bag_writer import BagWriter, graph_types
 from rabbit_recording.checking import check_episodes
 from rabbit_recording.episode_inventory import Presence
 from rabbit_recording.open_recording import opened
@@ -26,7 +24,6 @@ from std_srvs.srv import SetBool
 
 PLANT, PARAMETERS = {"motor_lag": 0.004, "stones": 4}, ControllerParameters()
 TICKS_A_SECOND = 100
-FORMER = Path(__file__).parents[2] / "ros2_ws" / "src" / "rabbit_recording" / "test" / "data"
 
 
 def begin(world: Any) -> tuple[list[Any], list[Any]]:
@@ -159,22 +156,3 @@ def test_a_recording_is_played_again(world: Any, recording: Path) -> None:
                 both = [getattr(each, field) for each in (message, again)]
                 both = [np.asarray(value) if isinstance(value, array) else value for value in both]  # NaN is NaN
                 np.testing.assert_equal(*both, err_msg=f"{name}.{field}")
-
-
-def test_a_running_graph_is_not_played_into(world: Any, recording: Path) -> None:
-    world.start("simulator", **PLANT)
-    world.wait(lambda: world.node.count_publishers("state") > 0)
-    with pytest.raises(RecordingError, match=r"/state is published already; give --namespace"):
-        play(recording, namespace=world.namespace, delay=60.0)
-
-
-def test_other_definitions_are_not_played(tmp_path: Path) -> None:
-    share = tmp_path / "rabbit_msgs"
-    (share / "msg").mkdir(parents=True)
-    (share / "msg" / "RobotState.msg").write_text("uint32 episode\n")
-    writer = BagWriter(tmp_path / "bag", graph_types([share]))
-    writer.add("/state", "rabbit_msgs/msg/RobotState", [])
-    writer.write("/state", 0, bytes(8))
-    writer.close()
-    with pytest.raises(RecordingError, match="RobotState is defined otherwise"):
-        play(tmp_path / "bag")

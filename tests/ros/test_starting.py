@@ -50,9 +50,3 @@ def test_a_domain_that_is_none_is_refused_by_all(words: tuple[str, ...], tmp_pat
     assert code == 2
     assert line.endswith("ROS_DOMAIN_ID abc: expected a whole number from 0 to 232")
     assert not (tmp_path / "walk").exists()
-
-
-def test_without_a_home_a_node_says_so() -> None:
-    code, line = last_line(*RECORDER, HOME=None, ROS_HOME=None, ROS_LOG_DIR=None)
-    assert code == 2
-    assert "HOME" in line

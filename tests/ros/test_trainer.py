@@ -130,15 +130,3 @@ def test_transitions_carry_the_reward(world: Any) -> None:
     for t in measured:
         assert t.reward <= 0
         assert abs(t.reward - sum(t.reward_terms)) < 1e-9
-
-
-def test_it_learns_where_the_controller_has_a_gait_library(world: Any) -> None:
-    """Its observation has the step length too."""
-    transitions, episodes = world.hear("transition"), world.hear("episode")
-    world.start("simulator", motor_lag=0.004, stones=2, gait="paper_stones")
-    world.start("controller", controller=PARAMETERS.controller, gait="paper_stones", sigma=5.0)
-    world.start("trainer", folder=str(world.folder / "training"))
-    world.go()
-    world.wait(lambda: bool(episodes) and episodes[-1].phase == Episode.ENDED)
-    world.wait(lambda: len(transitions) == episodes[-1].tick)
-    assert {len(t.observation) for t in transitions} == {len(PARAMETERS.problem.observations[-1])}

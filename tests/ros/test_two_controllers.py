@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from rabbit_bringup.launching.walk_report import line
 from rabbit_msgs.msg import Episode, TorqueCommand
-from rabbit_msgs.srv import ResetEpisode
 from rabbit_recording.checking import check_episodes
 from rabbit_sim.real_time import Source
 from std_srvs.srv import SetBool
@@ -95,20 +94,6 @@ def test_another_controller_does_not_go_on_for_a_killed_one(world: Any) -> None:
     np.testing.assert_array_equal(applied(world, 2), [own[tick] for tick in range(second.tick)])
 
 
-def test_a_controller_that_is_started_again_between_episodes_walks(world: Any) -> None:
-    begin(world, episodes=0)
-    world.go()
-    assert world.ask(ResetEpisode, "reset_episode", seed=5).success
-    first = ended(world, 1)
-    world.processes.kill(("controller",))
-    world.start("controller")
-    world.wait(lambda: len({s.sender for s in world.hear("controller_settings")}) == 2)
-    assert world.ask(ResetEpisode, "reset_episode", seed=5).success
-    second = ended(world, 2)
-    assert (second.outcome, second.tick) == (first.outcome, first.tick)
-    assert second.controller == world.hear("controller_settings")[-1].sender != first.controller
-
-
 @pytest.mark.parametrize("name", ["", "/mine 7"])
 def test_a_controller_of_a_users_own_is_alone_too(world: Any, name: str) -> None:
     """The test plays one that answers with a PD law; a real one comes in beside it. The empty name is a name too."""
@@ -161,21 +146,3 @@ def test_in_real_time_the_torques_of_one_act(world: Any) -> None:
     answered = [t.tick for t in timing if t.source == Source.ANSWER]
     assert answered
     np.testing.assert_array_equal(applied(world, 1)[answered], [own[tick] for tick in answered])
-
-
-def test_the_trainer_learns_from_the_one_that_walks(world: Any) -> None:
-    transitions = world.hear("transition")
-    begin(world, pace=1.0, trainer="wait")
-    world.start("trainer")
-    world.go()
-    world.wait(lambda: len(world.hear("state")) > 20)
-    start_other(world)
-    end = ended(world, 1)
-    world.wait(lambda: bool(transitions) and transitions[-1].tick == end.tick - 1)
-    own = {d.tick: d for d in world.hear("controller_state") if d.sender == end.controller}
-    terms = {d.tick: d for d in world.hear("learner_terms") if d.sender == end.controller}
-    assert any(d.sender == end.refused_controller for d in world.hear("controller_state"))
-    assert [t.tick for t in transitions] == list(range(end.tick))
-    for transition in transitions:
-        np.testing.assert_array_equal(transition.mu, own[transition.tick].mu)
-        np.testing.assert_array_equal(transition.alpha, terms[transition.tick].alpha)

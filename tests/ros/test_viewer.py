@@ -1,6 +1,5 @@
 """A walking graph on the page and through RViz's topics, against the recording."""
 
-import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -12,19 +11,9 @@ from page_client import PageClient, free_port
 from rabbit_description.force_ratio import force_ratio
 from rabbit_description.state import ACTUATED
 from rabbit_recording.reader import read_episodes
-from rabbit_viewer.geometry import feet
-from rabbit_viewer.live.graph_page import GraphPage, Reset
 from rl_trainer.rollout import Record
 
 RABBIT = (sys.executable, "-c", "from rabbit_bringup.cli import app; app()")
-WRONG = {  # to the page, each with a word of its refusal
-    "no JSON": "JSON",
-    '{"do": "dance"}': "dance",
-    '{"do": "reset", "seed": -1}': "seed",
-    '{"do": "reset", "seed": 1, "more": 1}': "more",
-    '{"do": "load", "path": ""}': "path",
-    '{"do": "load"}': "path",
-}
 WALK = ("--no-pictures", "--no-video", "--no-trainer", "--stones", "4", "--seed", "4", "--view")
 
 
@@ -67,29 +56,6 @@ def test_rows_are_the_recorded_ticks(seen: Seen) -> None:
         np.testing.assert_array_equal(torque, applied.astype(np.float32))
         ratio = force_ratio(force)
         np.testing.assert_array_equal(row["force_ratio"], np.float32(ratio))
-
-
-def test_the_robot_and_the_next_stone_are_the_recorded_ones(seen: Seen) -> None:
-    for tick, row in seen.rows.items():
-        record = seen.records[tick]
-        places = feet(record.state.q[None])[0]
-        shown = [[row[f"{side}_foot_{axis}"] for axis in "xz"] for side in ("left", "right")]
-        np.testing.assert_allclose(shown, places, rtol=1e-6, atol=1e-6)
-        stone = record.state.preview
-        if stone is not None:
-            foot = places[record.output.stance, 0]
-            edges = [row["stone_near"], row["stone_far"]]
-            np.testing.assert_allclose(edges, [foot + stone.l_min, foot + stone.l_max], atol=5e-3)  # the foot rolls
-
-
-def test_the_page_knows_the_running_controllers_parameters(seen: Seen) -> None:
-    (walker,) = seen.about["walkers"]
-    assert (walker["friction_coeff"], walker["R1"], walker["torque_limit"]) == (0.8, 1.0, 200.0)
-    assert walker["quantities"] == ["V", "B1", "B2", "C1", "C2"]
-
-
-def test_walk_says_where_it_can_be_seen(seen: Seen) -> None:
-    assert "open http://127.0.0.1:" in seen.said
 
 
 def test_rviz_hears_the_same(world: Any) -> None:
@@ -172,53 +138,6 @@ def test_wrong_ticks_are_refused_and_the_view_goes_on(world: Any) -> None:
         world.wait(lambda: shows(now.episode + 1))
 
 
-def test_a_browser_asks_only_what_the_page_knows() -> None:
-    """A wrong message is answered with one line that names what is wrong, and asks the graph for nothing."""
-    page = GraphPage(0, control=True)
-    try:
-        with PageClient(page.page.address, watches=False) as client:
-            for message, word in WRONG.items():
-                client.words.pop("refused", None)
-                client.say(message)
-                client.wait(lambda client: "refused" in client.words)
-                text = client.words["refused"]["text"]
-                assert word in text
-                assert "\n" not in text
-            assert page.asked.empty()
-            client.say({"do": "reset", "seed": 7})
-            client.say({"do": "pause", "paused": "perhaps"})
-            client.wait(lambda client: "paused" in client.words["refused"]["text"])
-        assert page.asked.get(timeout=10) == Reset(do="reset", seed=7)
-    finally:
-        page.page.close()
-
-
 def rabbit(*words: str) -> subprocess.CompletedProcess[str]:
     """Call the command and wait."""
     return subprocess.run([*RABBIT, *words], capture_output=True, text=True, timeout=300, check=False)
-
-
-def test_no_graph_is_one_line() -> None:
-    done = rabbit("view", "--no-browser", "--port", "0", "--wait", "0.5", "--namespace", "nobody_here")
-    assert done.returncode == 2
-    assert done.stderr == "error: no graph in namespace /nobody_here after 0.5 s; start one with `rabbit walk`\n"
-
-
-def test_a_taken_port_is_one_line() -> None:
-    with socket.socket() as taken:
-        taken.bind(("127.0.0.1", 0))
-        taken.listen()
-        done = rabbit("view", "--no-browser", "--port", str(taken.getsockname()[1]))
-    assert done.returncode == 2, done.stderr
-    ours = [line for line in done.stderr.splitlines() if line.startswith("error:")]  # others are the middleware's
-    assert len(ours) == 1, done.stderr
-    assert "Address already in use" in ours[0]
-    assert "Traceback" not in done.stderr, done.stderr
-
-
-@pytest.mark.parametrize("words", [("--port", "70000"), ("--wait", "-1"), ("--namespace", "a b")])
-def test_bad_values_are_one_line(words: tuple[str, str]) -> None:
-    done = rabbit("view", "--no-browser", *words)
-    assert done.returncode == 2
-    (line,) = done.stderr.splitlines()
-    assert " ".join(words) in line

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from rabbit_bringup.cli import app, commands
+from rabbit_bringup.cli import app
 from rl_cbf_clf_controller.weights import read
 from typer.testing import CliRunner, Result
 
@@ -15,11 +15,6 @@ SHORT = ("--episodes", 2, "--nominal-episodes", 1, "--walking-steps", 1, "--upda
 def rabbit(*words: object) -> Result:
     """Call the command in this process."""
     return CliRunner().invoke(app, [str(word) for word in words])
-
-
-def test_a_name_that_is_none_is_told_once(tmp_path: Path) -> None:
-    done = rabbit("train", "--out", tmp_path, "--problem", "nosuch")
-    assert done.stderr == "rabbit: --problem nosuch: expected one of rl-cbf-clf-qp, rl-clf-qp, io-rl-clf-qp\n"
 
 
 def test_training_leaves_a_sound_policy_and_goes_on(tmp_path: Path) -> None:
@@ -46,22 +41,6 @@ def test_training_leaves_a_sound_policy_and_goes_on(tmp_path: Path) -> None:
     assert read(tmp_path / "policy.safetensors").metadata.episodes == 3
 
 
-def test_another_session_in_the_folder_is_refused(tmp_path: Path) -> None:
-    words = ("train", "--out", tmp_path, "--problem", "rl-clf-qp", *SHORT)
-    assert rabbit(*words).exit_code == 0
-    refused = rabbit(*words, "--seed", 2)
-    assert (refused.exit_code, refused.stderr.count("\n")) == (2, 1)
-    assert "other parameters" in refused.stderr
-
-
-def test_paper_literal_learner_has_the_papers_form(tmp_path: Path) -> None:
-    done = rabbit("train", "--out", tmp_path, "--problem", "rl-clf-qp", "--paper-literal", *SHORT, "--batch", 9)
-    assert done.exit_code == 0, done.output
-    assert not read(tmp_path / "policy.safetensors").metadata.structured
-    assert "learner: paper_ddpg" in (tmp_path / "parameters.yaml").read_text()
-    assert "batch: 9" in (tmp_path / "parameters.yaml").read_text()
-
-
 @pytest.mark.thorough
 def test_bench_measures_and_asserts_nothing(tmp_path: Path) -> None:
     done = rabbit("bench", "--out", tmp_path / "bench.json")
@@ -75,16 +54,10 @@ def test_bench_measures_and_asserts_nothing(tmp_path: Path) -> None:
     ("words", "told"),
     [
         (("gait", "--step-length", 0.9, "--name", "x"), "--step-length 0.9: expected less than or equal to 0.7"),
-        (("gait",), "--name: missing"),
         (("gait", "--name", "x", "--library", "0.4,0.3"), "--library: lengths = [0.4, 0.3]: expected"),
-        (("gait", "--name", "x", "--library", "0.3,0.4"), "--library: lengths = [0.3, 0.4]: expected 0.35"),
         (("gait", "--name", "x", "--library", "0.35,0.9"), "--library: step_length = 0.9"),
-        (("gait", "--name", "x", "--barrier-poles", "70"), "--barrier-poles"),
-        (("video", "nowhere"), "nowhere"),
         (("policy", "verify", "nowhere"), "nowhere"),
-        (("estimates", "nowhere"), "nowhere"),
         (("estimates", "nowhere", "--runs", 0), "--runs 0"),
-        (("train", "--out", "x", "--measurement", "none"), "--measurement none"),
         (("bench", "--policy", "nobody"), "--policy nobody"),
     ],
 )
@@ -92,12 +65,6 @@ def test_a_bad_value_ends_in_one_line(words: tuple[object, ...], told: str) -> N
     done = rabbit(*words)
     assert (done.exit_code, done.stderr.count("\n")) == (2, 1)
     assert told in done.stderr
-
-
-def test_every_command_is_listed_and_others_are_not_known() -> None:
-    text = rabbit("--help").output
-    assert all(name in text for name in commands())
-    assert rabbit("dance").exit_code == 2
 
 
 def test_loading_a_policy_without_ros_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:

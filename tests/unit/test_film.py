@@ -1,18 +1,13 @@
 """`rabbit video BAG`: a film of what was recorded."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import imageio.v3 as imageio
 import numpy as np
 import pytest
-from rabbit_experiments.walk_records import RECORDS, save_records
 from rabbit_viewer.commands.video import app
 from rabbit_viewer.scene import SIZE
-from rabbit_viewer.walk_pictures import records_of_bag
-from rl_cbf_clf_controller.parameters import ControllerParameters
 from typer.testing import CliRunner
 
 WriteBag = Callable[..., Path]
@@ -26,32 +21,6 @@ def test_a_recording_becomes_mp4_and_gif(tmp_path: Path, write_bag: WriteBag) ->
     assert frames.shape[1:] == (SIZE[1], SIZE[0], 3)
     assert np.abs(frames[0].astype(int) - frames[-1]).max() > 100
     assert len(imageio.imread(tmp_path / "bag.gif", index=None)) > 1
-
-
-def test_the_barriers_of_the_walk_are_drawn(tmp_path: Path, write_bag: WriteBag) -> None:
-    """Those of the recorded settings; an older recording has none."""
-    told = ControllerParameters(R2=0.7).model_dump_json()
-
-    def other(topic: str, message: Any) -> Any:
-        return replace(message, parameters=told) if topic == "controller_settings" else message
-
-    def older(topic: str, message: Any) -> Any:
-        return None if topic == "controller_settings" else message
-
-    assert records_of_bag(write_bag(tmp_path / "bag", change=other)).about["R2"] == 0.7
-    assert "R2" not in records_of_bag(write_bag(tmp_path / "older", change=older)).about
-
-
-def test_a_recording_in_a_runs_folder_has_the_plant_of_the_run(tmp_path: Path, write_bag: WriteBag) -> None:
-    """A recording alone does not say how steep the ground was; the run's records beside it do."""
-    alone = records_of_bag(write_bag(tmp_path / "recording"))
-    assert "slope" not in alone.about
-    inside = write_bag(tmp_path / "run" / "recording")
-    save_records(replace(alone, about={**alone.about, "slope": 5.0, "R2": 9.0}), tmp_path / "run" / RECORDS)
-    for source in (inside, next(inside.glob("*.mcap"))):
-        about = records_of_bag(source).about
-        assert about["slope"] == 5.0
-        assert about["R2"] == alone.about["R2"]  # the controller's are in the recording
 
 
 @pytest.mark.parametrize("words", [("nowhere",), (".",), ("bag", "--episode", "9")])

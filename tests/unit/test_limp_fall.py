@@ -1,6 +1,5 @@
 """What a film shows after a recorded walk's end: the same robot, limp, by the laws of mechanics."""
 
-from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -14,10 +13,8 @@ from rabbit_experiments.walk_records import ARRAYS, PLANT, WalkRecords
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.plant import gravity
 from rabbit_sim.robot_urdf import perturbed_urdf
-from rabbit_viewer import style
 from rabbit_viewer.geometry import feet, torso_points
 from rabbit_viewer.limp_fall import COMPUTED_FROM, LYING, with_fall
-from rabbit_viewer.scene import Scene
 from rl_cbf_clf_controller.parameters import load_parameters
 
 HEAVY: dict[str, Any] = {"mass_scale": 2.0, "stones": 6}
@@ -62,30 +59,3 @@ def test_a_limp_robot_falls_to_the_ground_and_gains_no_energy(case: str) -> None
     assert limp[-1] < limp[0]
     assert torso_points(longer.q[-1:])[0, :, 1].min() < LYING
     assert feet(longer.q[end:])[:, :, 1].min() > -0.01 or walk.about["terrain"] == "stones"  # gaps have no ground
-
-
-@pytest.mark.parametrize("case", ["stones", "mujoco"])
-def test_the_first_computed_tick_is_the_one_that_was_walked(case: str) -> None:
-    """A walk that is cut: what follows its last tick is computed as it was recorded."""
-    walk = fallen(case)
-    end = len(walk.tick) - 10
-    cut = replace(walk, **{name: getattr(walk, name)[:end] for name in ARRAYS.keys() - {"landings"}})
-    longer = with_fall(cut)
-    np.testing.assert_allclose(longer.q[end], walk.q[end], atol=1e-3)
-    np.testing.assert_allclose(longer.dq[end], walk.dq[end], atol=0.2)
-
-
-def test_who_ends_on_its_feet_or_on_an_unknown_plant_does_not_fall() -> None:
-    walk = fallen("stones")
-    for change in ({"outcome": "walked"}, {"outcome": ""}, {PLANT: None}, {PLANT: {"plant": "of a stranger"}}):
-        changed = replace(walk, about={**walk.about, **change})
-        assert with_fall(changed) is changed
-
-
-def test_the_film_says_which_part_is_computed() -> None:
-    """In red words, from the first computed tick on and not before."""
-    longer = with_fall(fallen("stones"))
-    scene, first = Scene(longer, has_legend=False), longer.about[COMPUTED_FROM]
-    red = np.array([int(style.RED[i : i + 2], 16) for i in (1, 3, 5)])
-    words = [scene.frame(row)[120:190, :500, :3].astype(int) for row in (first - 1, first)]
-    assert [bool((np.abs(part - red).max(axis=2) < 9).any()) for part in words] == [False, True]

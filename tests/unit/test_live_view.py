@@ -1,6 +1,5 @@
 """The live view for RViz: what is drawn lies where the walk's records have it."""
 
-import struct
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,6 @@ from rabbit_msgs import msg
 from rabbit_sim.kinematics import RabbitFeet
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_viewer.geometry import feet, stone_spans
-from rabbit_viewer.ros.newest_ticks import KEPT, NewestTicks
 from rabbit_viewer.ros.rviz import markers
 from rl_cbf_clf_controller.parameters import load_parameters
 from scipy.spatial.transform import Rotation
@@ -57,16 +55,6 @@ def test_stones_lie_where_the_film_has_them(walk: WalkRecords) -> None:
         np.testing.assert_allclose(edges(walk, row), expected, atol=5e-3)  # each landing yields a millimetre
 
 
-def test_a_viewer_that_came_late_draws_the_stones_it_knows_of(walk: WalkRecords) -> None:
-    row = int(walk.step_starts[2])
-    assert edges(walk, row, slice(-1, None)) == edges(walk, row)[-2:]
-
-
-def test_flat_ground_lies_under_the_foot(walk: WalkRecords) -> None:
-    ((near, far),) = edges(walk, 3, slice(0), sees=False)
-    assert near < feet(walk.q[3:4])[0, 0, 0] < far
-
-
 def test_frames_carry_the_links_to_where_the_feet_are(walk: WalkRecords) -> None:
     state = state_at(walk, 3)
     for q in RNG.uniform(-1, 1, (10, 7)):
@@ -90,30 +78,3 @@ def test_frames_carry_the_links_to_where_the_feet_are(walk: WalkRecords) -> None
             np.testing.assert_allclose(turned, [force[0], 0, force[1]], atol=1e-12)
     links = {line.split('"')[1] for line in URDF_PATH.read_text().splitlines() if "<link name=" in line}
     assert set(at) == links | FRAMES.keys()
-
-
-def message(episode: int, tick: int) -> bytes:
-    """The beginning that all of a tick's messages have: CDR header, stamp, frame, episode, tick."""
-    return b"\0\1\0\0" + struct.pack("<iII8sII", 0, 0, 6, b"world", episode, tick) + b"rest"
-
-
-def test_parts_of_different_ticks_are_not_mixed() -> None:
-    ticks = NewestTicks()
-
-    def take(*messages: tuple[str, bytes]) -> list[dict[str, bytes]]:
-        return ticks.take(messages, {"a", "b"})
-
-    assert not take(("a", message(1, 7)), ("b", message(1, 8)))
-    assert not ticks.parts
-    eighth = {"a": message(1, 8), "b": message(1, 8)}
-    assert take(("a", message(1, 8))) == [eighth]
-    assert ticks.parts == eighth
-    assert not take(*eighth.items())  # said again
-    ninth, tenth = ({part: message(1, tick) for part in "ab"} for tick in (9, 10))
-    assert take(*ninth.items(), *tenth.items()) == [ninth, tenth]
-    assert not take(("a", b"short"))
-    late = [("a", message(1, tick)) for tick in range(100, 110 + KEPT)]
-    assert not take(*late, ("b", message(1, 100)))  # forgotten by then
-    assert ticks.parts == tenth
-    ticks.clear()
-    assert not ticks.parts

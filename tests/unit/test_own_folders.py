@@ -31,7 +31,6 @@ FOLDERS = {
     "gait": ("--name", "mine"),
     "rival end-to-end": ("--ticks", 1),
     "residual": ("--ticks", 1),
-    "faults": ("--runs", 1),
     "bag plot": ("none.mcap",),
     "walk": (),
     "system evaluate": (CART_POLE, "--rides", 1),
@@ -94,29 +93,6 @@ def test_a_file_that_is_there_stays_as_it_is(tmp_path: Path, monkeypatch: pytest
     assert path.read_text() == "mine"
 
 
-@pytest.mark.parametrize("name", FILES)
-def test_a_link_to_nothing_is_there_already(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
-    path = tmp_path / "new.safetensors"
-    path.symlink_to(tmp_path / "nothing")
-    monkeypatch.chdir(tmp_path)
-    refused(rabbit(name, *FILES[name], "--out", path), path)
-    assert [each.name for each in tmp_path.iterdir()] == [path.name]
-
-
-@pytest.mark.parametrize("name", {**FOLDERS, **FILES})
-def test_a_name_that_is_too_long_is_an_error_at_the_door(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
-) -> None:
-    """Also of a file whose own name is not, but that of its unfinished copy."""
-    monkeypatch.chdir(tmp_path)
-    for length in [300, *([230] if name in FILES else [])]:
-        path = tmp_path / ("n" * (length - 12) + ".safetensors")
-        done = rabbit(name, *{**FOLDERS, **FILES}[name], "--out", path)
-        assert (done.exit_code, done.stderr.count("\n")) == (2, 1), done.output
-        assert "too long" in done.stderr
-        assert not [each for each in tmp_path.iterdir() if "n" * 200 in each.name]
-
-
 @pytest.mark.parametrize("name", {**FOLDERS, **FILES})
 def test_two_commands_do_not_write_to_one_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
     monkeypatch.chdir(tmp_path)
@@ -135,29 +111,6 @@ def test_two_commands_do_not_write_to_one_place(tmp_path: Path, monkeypatch: pyt
     assert "another command is writing there" in done.stderr
     assert contents(tmp_path) == before
     os.close(descriptor)
-
-
-LONG = "n" * 300
-READS = {
-    **{f"evaluate --{each}": ("--out", "out") for each in ("policy", "gait", "parameters", "course")},
-    **{f"bag {name} {LONG}": () for name in ("info", "check", "explain --worst", "plot", "show", "recover")},
-    **{f"policy {each} {LONG}": () for each in ("show", "verify")},
-    f"system evaluate {LONG}.py": (),
-    f"system evaluate {CART_POLE} --controller {LONG}.safetensors": (),
-    "scales --into": (),
-    "play --recording": ("--port", 0, "--no-browser"),
-}
-
-
-@pytest.mark.parametrize("name", READS, ids=lambda name: name.replace(LONG, "").replace(str(CART_POLE), ""))
-def test_what_cannot_be_the_name_of_a_file_is_an_error(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    done = rabbit(name, *([] if LONG in name else [LONG]), *READS[name])
-    assert (done.exit_code, done.stderr.count("\n")) == (2, 1), done.output
-    assert "n" * 99 in done.stderr
-    assert not list(tmp_path.iterdir())
 
 
 HOLDS = """

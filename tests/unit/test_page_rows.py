@@ -1,27 +1,14 @@
 """A row of the page is the tick it is made of, and what it draws lies where the plant has it."""
 
-import json
-import re
-import socket
-import struct
-import subprocess
-import sys
-from collections.abc import Callable
-from dataclasses import replace
-from pathlib import Path
-
 import numpy as np
 import pytest
 from rabbit_description.gait import load_gaits
-from rabbit_description.state import Array, Leg
-from rabbit_experiments.walk_records import WalkRecords, about_walk
-from rabbit_sim.kinematics import LegShape, RabbitFeet
+from rabbit_description.state import Array
+from rabbit_experiments.walk_records import about_walk
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.robot_urdf import perturbed_urdf
 from rabbit_sim.simulation import Simulation
-from rabbit_viewer.page.broadcast import Broadcast
-from rabbit_viewer.page.recording import fill, show_recording
-from rabbit_viewer.page.rows import POINTS, RowMaker, body_points, clf_decay
+from rabbit_viewer.page.rows import RowMaker, clf_decay
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.oracle import OraclePolicy, TruePlant
@@ -56,42 +43,12 @@ def rows_of(records: list[Record]) -> tuple[Array, tuple[str, ...]]:
     return np.array([maker.row(record.state, record.output) for record in records]), maker.columns
 
 
-@pytest.mark.parametrize("links", [(0.0, 1.0), (0.05, 1.0), (-0.02, 1.1)])
-def test_points_of_the_body_are_where_the_plant_has_them(links: tuple[float, float]) -> None:
-    feet = RabbitFeet(LegShape.of(*links))
-    for q in np.random.default_rng(0).uniform(-1, 1, (20, 7)):
-        points = dict(zip(POINTS, body_points(q, links), strict=True))
-        np.testing.assert_allclose([points["left_foot"], points["right_foot"]], feet.positions(q))
-        np.testing.assert_allclose(points["hip"], q[:2])
-
-
 def test_stones_lie_where_the_plant_placed_them(walked: Walked) -> None:
     records, simulation = walked
     rows, columns = rows_of(records)
     edges = rows[:, [columns.index(name) for name in ("stone_near", "stone_far", "stone_top")]]
     seen = np.unique(edges[np.isfinite(edges[:, 0])], axis=0)
     np.testing.assert_allclose(seen, simulation.stones[1:], atol=5e-4)  # the foot goes on within its touchdown's tick
-
-
-def test_values_are_the_ticks(walked: Walked) -> None:
-    records, _ = walked
-    rows, columns = rows_of(records)
-    column = dict(zip(columns, rows.T, strict=True))
-    np.testing.assert_array_equal(column["V"], [record.output.V for record in records])
-    np.testing.assert_array_equal(column["F_N"], [r.state.foot_force[r.output.stance, 1] for r in records])
-    np.testing.assert_array_equal(column["torque_left_knee"], [record.output.torque[1] for record in records])
-    assert set(column["stance"]) == {float(leg) for leg in Leg}
-
-
-def test_errors_are_those_of_the_tick_before(walked: Walked) -> None:
-    records, _ = walked
-    rows, columns = rows_of(records)
-    estimated, measured = (rows[:, columns.index(f"{kind}_B1")] for kind in ("estimated", "measured"))
-    assert np.isnan([estimated[0], measured[0]]).all()
-    np.testing.assert_array_equal(estimated[1:], 0)  # of the zero policy
-    before, after = records[4].output, records[5].output
-    nominal = before.nominal_a[1] @ before.mu + before.nominal_b[1]
-    assert measured[5] == pytest.approx(after.measured[1] - nominal)
 
 
 def test_the_bound_of_V_begins_with_each_step_and_falls(walked: Walked) -> None:
@@ -103,71 +60,6 @@ def test_the_bound_of_V_begins_with_each_step_and_falls(walked: Walked) -> None:
     within = np.diff(step) == 0
     rate = clf_decay(about_walk(CONTROLLER, PLANT, "zero", 1, ""))
     np.testing.assert_allclose((bound[1:] / bound[:-1])[within], np.exp(-rate * 0.01))
-
-
-def test_a_recording_has_the_same_rows(walked: Walked, tmp_path: Path) -> None:
-    records, simulation = walked
-    about = about_walk(CONTROLLER, PLANT, "zero", 1, "walked")
-    broadcast = Broadcast()
-    fill(broadcast, WalkRecords.from_ticks(records, simulation.landings, about), "run")
-    words, rows = broadcast.known
-    expected, columns = rows_of(records)
-    shown = np.array(struct.unpack(f"<{len(rows) // 4}f", rows)).reshape(-1, len(columns))
-    np.testing.assert_array_equal(shown, expected.astype(np.float32))
-    assert [word["type"] for word in words] == ["about", "ended"]
-    assert words[0]["walkers"][0]["columns"] == list(columns)
-    (ended,) = words[1]["walkers"]
-    assert (ended["outcome"], ended["stones"]) == ("walked", records[-1].state.touchdowns)
-
-
-@pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize(("name", "number"), [("V", 1e39), ("q", 1e308), ("torque", -1e300), ("nominal_a", 1e308)])
-def test_a_number_beyond_float32_is_shown_as_infinite_or_not_at_all(walked: Walked, name: str, number: float) -> None:
-    records, simulation = walked
-    walk = WalkRecords.from_ticks(records, simulation.landings, about_walk(CONTROLLER, PLANT, "zero", 1, "walked"))
-    array = getattr(walk, name).copy()
-    array[5] = number
-    broadcasts = Broadcast(), Broadcast()
-    for broadcast, each in zip(broadcasts, (walk, replace(walk, **{name: array})), strict=True):
-        fill(broadcast, each, "run")
-    _, columns = rows_of(records)
-    as_it_was, shown = (np.frombuffer(each.known[1], "<f4").reshape(-1, len(columns)) for each in broadcasts)
-    changed = (as_it_was != shown) & ~(np.isnan(as_it_was) & np.isnan(shown))
-    assert changed[5:7].any()
-    assert not changed[:5].any()
-    column = dict(zip(columns, shown.T, strict=True))
-    assert name != "V" or column["V"][5] == np.inf
-
-
-@pytest.mark.filterwarnings("error")
-def test_a_tick_long_before_its_step_has_no_bound(walked: Walked) -> None:
-    """As in a file whose ticks do not count up: exp overflows."""
-    (first, second, *_), _ = walked
-    maker = maker_of(first.output, PLANT, "zero")
-    maker.row(first.state, first.output)
-    row = maker.row(replace(second.state, tick=-(10**8)), second.output)
-    assert dict(zip(maker.columns, row, strict=True))["V_bound"] == np.inf
-
-
-def test_a_bag_becomes_one_file(write_bag: Callable[..., Path], tmp_path: Path) -> None:
-    path = tmp_path / "walk.html"
-    show_recording(write_bag(tmp_path / "bag"), 0, False, path, None)
-    inside = json.loads(re.findall(r'id="walk-data">(.*?)</script>', path.read_text(), re.DOTALL)[0])
-    about, ended = inside["words"]
-    assert about["mode"] == "recording"
-    assert about["walkers"][0]["R1"] == 1.0
-    assert ended["walkers"][0]["stones"] > 0
-
-
-def test_a_taken_port_is_one_line(write_bag: Callable[..., Path], tmp_path: Path) -> None:
-    command = [sys.executable, "-c", "from rabbit_bringup.cli import app; app()", "bag", "show", "--no-browser"]
-    with socket.socket() as taken:
-        taken.bind(("127.0.0.1", 0))
-        taken.listen()
-        words = [*command, "--port", str(taken.getsockname()[1]), str(write_bag(tmp_path / "bag"))]
-        done = subprocess.run(words, capture_output=True, text=True, timeout=300, check=False)
-    assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr
-    assert "Address already in use" in done.stderr
 
 
 def test_with_exact_estimates_the_true_error_is_the_estimated_one() -> None:

@@ -52,15 +52,6 @@ def test_links_lead_somewhere(path: Path) -> None:
         assert not anchor or anchor in anchors(target), link
 
 
-def test_one_page_says_which_ros2_commands_were_run() -> None:
-    """What another says was not run has none of them."""
-    sheet = ROOT / "qa/docs/data/ros2_command_line.md"
-    assert sheet in PAGES
-    for path in (path for path in PAGES if path != sheet):
-        for section in re.split("^#+ ", path.read_text(encoding="utf-8"), flags=re.MULTILINE):
-            assert "`ros2 " not in section.partition("Not run")[2], (name_of(path), section)
-
-
 def test_programs_that_a_page_shows_are_what_runs() -> None:
     shown = re.compile(r"^<!-- from (\S+) -->\n```(?:py|toml|yaml)\n(.*?)^```", re.MULTILINE | re.DOTALL)
     found = [(path, *match) for path in PAGES for match in shown.findall(path.read_text(encoding="utf-8"))]

@@ -1,6 +1,5 @@
 """What pictures show: the feet and stones where they were; files that open."""
 
-import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,18 +8,13 @@ import numpy as np
 import pytest
 from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.evaluation import record_walk
-from rabbit_experiments.walk_records import ARRAYS, RECORDS, RecordsError, WalkRecords, load_records, save_records
+from rabbit_experiments.walk_records import ARRAYS, RECORDS, WalkRecords, load_records, save_records
 from rabbit_sim.parameters import SimulationParameters
-from rabbit_viewer.curve_picture import draw_curve
-from rabbit_viewer.geometry import fall_of, feet, stone_spans
+from rabbit_viewer.geometry import feet, stone_spans
 from rabbit_viewer.pictures import swing_foot
-from rabbit_viewer.scene import SIZE, Scene
-from rabbit_viewer.video import film
+from rabbit_viewer.scene import Scene
 from rabbit_viewer.walk_pictures import draw_pictures
 from rl_cbf_clf_controller.parameters import load_parameters
-
-RNG = np.random.default_rng(0)
-STATES = RNG.uniform(-1, 1, (20, 7))
 
 
 def walk_on(controller: str) -> WalkRecords:
@@ -34,14 +28,6 @@ def walk_on(controller: str) -> WalkRecords:
 @pytest.fixture(scope="module")
 def walk() -> WalkRecords:
     return walk_on("cbf-clf-qp")
-
-
-def test_the_curve_of_a_training_is_drawn_from_its_table(tmp_path: Path) -> None:
-    """A cell is empty where an episode has no losses."""
-    table = "episode,episode/steps,reward/V,reward/B1,losses/actor\n0,3,-2,-1,\n1,5,-1.5,-0.5,0.2\n2,20,-0.1,-0.2,-4\n"
-    (tmp_path / "curve.csv").write_text(table)
-    assert draw_curve(tmp_path) == tmp_path / "curve.png"
-    assert imageio.imread(tmp_path / "curve.png").std() > 1
 
 
 def test_swing_foot_lands_where_the_simulator_says(walk: WalkRecords) -> None:
@@ -68,18 +54,6 @@ def test_records_come_back_as_they_were(walk: WalkRecords, tmp_path: Path) -> No
     assert again.about == walk.about
 
 
-@pytest.mark.parametrize("content", [b"", b"PK\x03\x04 not a zip", b"nothing"])
-def test_other_files_are_refused(tmp_path: Path, content: bytes) -> None:
-    (tmp_path / RECORDS).write_bytes(content)
-    with pytest.raises(RecordsError, match="no records"):
-        load_records(tmp_path / RECORDS)
-
-
-def test_no_ticks_no_records() -> None:
-    with pytest.raises(RecordsError, match="no ticks"):
-        WalkRecords.from_ticks([], [], {})
-
-
 @pytest.mark.parametrize(("controller", "count"), [("cbf-clf-qp", 7), ("clf-qp", 6)])
 def test_every_picture_opens(controller: str, count: int, tmp_path: Path) -> None:
     save_records(walk_on(controller), tmp_path / RECORDS)
@@ -87,30 +61,6 @@ def test_every_picture_opens(controller: str, count: int, tmp_path: Path) -> Non
     assert len(pictures) == count
     for picture in pictures:
         assert imageio.imread(picture).std() > 1  # not blank
-
-
-def test_film_and_gif_show_the_walk(walk: WalkRecords, tmp_path: Path) -> None:
-    video, gif = film([walk], tmp_path / "walk.mp4", speed=4.0, gif=True)
-    frames = imageio.imread(video, plugin="FFMPEG")
-    assert frames.shape[1:] == (SIZE[1], SIZE[0], 3)
-    assert frames.shape[0] >= len(walk.tick) / 16  # 25 frames a second at four times real time, then the last one
-    assert np.abs(frames[0].astype(int) - frames[-1]).max() > 100
-    assert len(imageio.imread(gif, index=None)) > 1
-
-
-def test_two_walks_are_filmed_side_by_side_and_a_fall_slowly(tmp_path: Path) -> None:
-    """Twice the mass: the nominal robot falls, and the film has at least four frames for one of real time there."""
-    plant = SimulationParameters(mass_scale=2.0, stones=4, fall_height=0.2, fall_pitch=2.0, stop_at_miss=False)
-    own = load_parameters("ours", controller="cbf-clf-qp")
-    falling, standing = (record_walk(Assembly(plant, own, policy), seed=1) for policy in ("zero", "oracle"))
-    first = fall_of(falling)
-    assert first is not None
-    assert fall_of(standing) is None
-    video, _ = film([standing, falling], tmp_path / "walk.mp4", gif=True)
-    frames = imageio.imread(video, plugin="FFMPEG")
-    assert frames.shape[1:] == (SIZE[1], 2 * SIZE[0], 3)
-    slow = len(falling.tick) - first
-    assert len(frames) >= (len(standing.tick) + 3 * slow) / 4  # a tick is 10 ms, a frame 40
 
 
 def test_a_slope_is_drawn_as_steep_as_it_is(walk: WalkRecords) -> None:
@@ -124,20 +74,3 @@ def test_a_slope_is_drawn_as_steep_as_it_is(walk: WalkRecords) -> None:
     assert tops[0][0] == tops[0][1]
     rise = (tops[1][0] - tops[1][1]) / 360
     assert rise == pytest.approx(np.tan(np.radians(20.0)), abs=0.02)
-
-
-@pytest.mark.parametrize(("columns", "inches"), [(1, 3.5), (2, 7.16)])
-def test_a_picture_for_a_paper_is_as_wide_as_its_columns(
-    walk: WalkRecords, tmp_path: Path, columns: int, inches: float
-) -> None:
-    save_records(walk, tmp_path / RECORDS)
-    for path in draw_pictures(tmp_path, form="pdf", columns=columns):
-        (width,) = re.findall(rb"/MediaBox \[ 0 0 ([\d.]+) ", path.read_bytes())
-        assert float(width) == pytest.approx(72 * inches, abs=1)
-
-
-def test_a_scene_draws_any_tick(walk: WalkRecords) -> None:
-    scene = Scene(walk)
-    first, later = scene.frame(0).copy(), scene.frame(len(walk.tick) - 1).copy()
-    assert (first != later).any()
-    np.testing.assert_array_equal(scene.frame(0), first)

@@ -2,13 +2,10 @@
 
 import json
 import os
-import re
 import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-from rabbit_description.plugins import load, names
 from rl_cbf_clf_controller.weights import read
 
 MODULE = '''
@@ -113,54 +110,3 @@ def test_another_packages_learner_trains_and_goes_on_where_it_was(tmp_path: Path
         updates.append((tmp_path / "updates").read_text())
     assert updates == ["5", "10"]
     assert read(tmp_path / "out" / "policy.safetensors").metadata.learner == "noted"
-
-
-def test_another_packages_subcommand_is_listed_and_called(tmp_path: Path) -> None:
-    install(tmp_path)
-    assert re.search(r"count +Count the letters of a word", rabbit(tmp_path, "--help").stdout)
-    assert rabbit(tmp_path, "count", "stone").stdout == "5\n"
-
-
-@pytest.mark.parametrize(
-    ("command", "option", "known"),
-    [("evaluate", "--plant", ("mujoco", "pybullet", "rigid")), ("train", "--learner", ("ddpg", "regression"))],
-)
-def test_an_unknown_name_is_refused_with_those_that_are_known(
-    tmp_path: Path, command: str, option: str, known: tuple[str, ...]
-) -> None:
-    done = rabbit(tmp_path, command, option, "slow_motor", "--out", "out")
-    assert done.returncode == 2
-    assert option in done.stderr
-    assert all(name in done.stderr for name in ("slow_motor", *known))
-    assert not (tmp_path / "out").exists()
-
-
-def test_load_names_what_is_there() -> None:
-    with pytest.raises(LookupError, match="nobody: expected one of mujoco, pybullet, rigid"):
-        load("rabbit.plants", "nobody")
-
-
-def test_two_parts_of_one_name_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    install(tmp_path, entries="[rabbit.plants]\nrigid = other_package:SlowMotor\n")
-    monkeypatch.syspath_prepend(str(tmp_path))
-    with pytest.raises(LookupError, match="rigid: expected one, found"):
-        names("rabbit.plants")
-
-
-@pytest.mark.parametrize(
-    ("line", "named"),
-    [
-        ("from cbf_clf_qp.recipe import Recipe", r"No module named 'cbf_clf_qp.recipe'.*another version of cbf_clf_qp"),
-        ("from cbf_clf_qp.quantity import rows_of", r"cannot import name 'rows_of'.*CHANGELOG.md"),
-        ("import a_library_that_nobody_has", "needs the library a_library_that_nobody_has, which is not installed"),
-    ],
-)
-def test_a_part_of_the_former_version_is_refused_with_one_error(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, line: str, named: str
-) -> None:
-    install(tmp_path, "former", "[rabbit.controllers]\nformer = former:KIND\n")
-    (tmp_path / "former.py").write_text(f"{line}\n")
-    monkeypatch.syspath_prepend(str(tmp_path))
-    monkeypatch.delitem(sys.modules, "former", raising=False)
-    with pytest.raises(LookupError, match=named):
-        load("rabbit.controllers", "former")

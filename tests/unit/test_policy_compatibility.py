@@ -1,7 +1,6 @@
 """Which policy file fits which controller: the problem, the adaptation, the gait; stones' policies on flat ground."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -54,20 +53,6 @@ def test_on_flat_ground_a_policy_for_stones_sees_the_stone_under_the_gaits_own_s
     np.testing.assert_array_equal(flat.output_error, on_stones.output_error)
 
 
-def test_it_has_the_same_version_on_both_terrains() -> None:
-    file = make_file(RL_CBF_CLF_QP)
-    assert fitted(file, FLAT, LIBRARY).version == fitted(file, STONES, LIBRARY).version == file.version
-
-
-def test_a_librarys_step_on_flat_ground_is_its_first() -> None:
-    assert not isinstance(LIBRARY, type(GAIT))
-    file = make_file(RL_CBF_CLF_QP)
-    first = LIBRARY.gaits[LIBRARY.lengths.index(LIBRARY.start_length)]
-    by_library, by_gait = (fitted(file, FLAT, gaits).act(np.ones(14), np.ones(4)) for gaits in (LIBRARY, first))
-    for found, expected in zip(vars(by_library).values(), vars(by_gait).values(), strict=True):
-        np.testing.assert_array_equal(found, expected)
-
-
 @pytest.mark.parametrize(
     ("file", "parameters", "text"),
     [
@@ -102,16 +87,3 @@ def test_one_file_walks_on_both_terrains() -> None:
         simulation.close()
         assert simulation.outcome is Outcome.WALKED
         assert controller.policy.version == read(path).version
-
-
-def test_a_policy_for_stones_of_another_size_is_refused_on_flat_ground_too() -> None:
-    """Its header names the problem, but it has fewer quantities, or reads less."""
-    for smaller in (
-        replace(RL_CBF_CLF_QP, quantities=("V", "B1", "C1", "C2"), alpha_scale=(), beta_scale=(), error_scale=()),
-        replace(RL_CBF_CLF_QP, observation=("y1", "phase"), omissible=(), optional=()),
-    ):
-        for parameters in (FLAT, STONES):
-            with pytest.raises(
-                PolicyFileError, match=r"trained for rl-cbf-clf-qp.*, \d quantities of \d+ observations"
-            ):
-                fitted(make_file(smaller), parameters, GAIT)

@@ -27,65 +27,6 @@ def script(monkeypatch: pytest.MonkeyPatch):
     return load
 
 
-def test_a_missing_compiler_is_named(script, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    common, checks = script("common"), script("checks")
-    monkeypatch.setenv("PATH", str(tmp_path))
-    with pytest.raises(common.SetUpError, match=r"cc is not installed; .*build-essential"):
-        checks.check_tools()
-
-
-def test_missing_headers_are_named(script, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    common, checks = script("common"), script("checks")
-    monkeypatch.setattr(checks.sysconfig, "get_path", lambda _: str(tmp_path))
-    with pytest.raises(common.SetUpError, match=r"no headers for Python 3\.\d+ .* install python3\.\d+-dev"):
-        checks.check_python()
-
-
-def test_a_missing_venv_is_named(script, monkeypatch: pytest.MonkeyPatch) -> None:
-    common, checks = script("common"), script("checks")
-    monkeypatch.setattr(checks, "find_spec", lambda _: None)
-    with pytest.raises(common.SetUpError, match=r"has no venv; install python3\.\d+-venv"):
-        checks.check_python()
-
-
-def test_a_full_disk_is_named_with_what_is_needed(script, tmp_path: Path) -> None:
-    common, checks = script("common"), script("checks")
-    with pytest.raises(common.SetUpError, match=r"GB free at .* 1e\+12 GB needed; make room"):
-        checks.check_room(tmp_path, 1e12)
-
-
-def test_a_ros_for_another_python_is_refused(script, tmp_path: Path) -> None:
-    common, checks = script("common"), script("checks")
-    (tmp_path / "lib" / "python3.8" / "site-packages" / "rclpy").mkdir(parents=True)
-    with pytest.raises(common.SetUpError, match="call make with PYTHON="):
-        checks.check_ros(tmp_path)
-
-
-@pytest.mark.parametrize(
-    ("output", "advice"),
-    [
-        ("ERROR: Could not install packages due to an OSError: [Errno 28] No space left on device", "make room"),
-        ("pip._vendor.urllib3.exceptions.ReadTimeoutError: HTTPSConnectionPool: Read timed out.", "registry"),
-        ("ERROR: No matching distribution found for numpy==2.4.6", "registry"),
-        ("error: command 'x86_64-linux-gnu-gcc' failed: No such file or directory", "build-essential"),
-        ("fatal error: Python.h: No such file or directory", "python3-dev"),
-        ("ERROR: THESE PACKAGES DO NOT MATCH THE HASHES FROM THE REQUIREMENTS FILE.", "pip cache purge"),
-        ("something else", "another reason"),
-    ],
-)
-def test_pip_errors_become_advice(script, output: str, advice: str) -> None:
-    script("common")
-    assert advice in script("pip_install").cause(output)
-
-
-def test_without_node_the_site_has_its_other_pages(script, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    script("common"), script("pip_install")
-    tools = script("browser_tools")
-    monkeypatch.setenv("PATH", str(tmp_path))
-    assert tools.missing() == "node and npm not installed"
-    assert tools.install() == "node and npm not installed"
-
-
 def test_a_stamp_holds_only_for_the_same_inputs(script, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     common = script("common")
     monkeypatch.setattr(common, "STATE", tmp_path)

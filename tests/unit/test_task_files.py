@@ -6,7 +6,6 @@ import pytest
 from own_cart import CART
 from own_systems import TaskError
 from own_systems.commands.system import app
-from rabbit_bringup.cli import app as rabbit
 from rabbit_description.task_source import load_task
 from rl_trainer.task_episode import Rider
 from rl_trainer.task_training import train
@@ -19,25 +18,10 @@ BALL = Path(__file__).resolve().parents[2] / "examples" / "ball_on_beam.py"
     ("old", "new", "said"),
     [
         ('"mass": 1.0', '"mass": 1 / 0', 'line 9: ZeroDivisionError: division by zero: `nominal={"mass": 1 / 0}'),
-        ("import casadi as ca\n", "\n", "line 5: NameError: name 'ca' is not defined"),
         ("import casadi as ca", "import nosuch as ca", "line 2: ModuleNotFoundError: No module named 'nosuch'"),
-        ("TASK =", "TASK ==", "line 6: NameError: name 'TASK' is not defined"),
-        ("x, v, u, mass,", "x, v u, mass,", "line 5: SyntaxError: invalid syntax"),
         ("limit=20.0", "limt=20.0", "line 6: TypeError: "),
-        (
-            '"mass": 1.0',
-            '"mas": 1.0',
-            "line 6: TaskError: nominal = mas: expected one of mass, target (did you mean mass?)",
-        ),
         ("commands=lambda rng: lambda t: {", "commands=lambda rng: lambda t: 1 / 0 or {", "line 10: ZeroDivisionError"),
-        ("limit=20.0", "limit=20.0, objective=lambda terms: terms.nothing", "line 8: AttributeError"),
-        ("poles=(4.0, 4.0)", "poles=(4.0,)", ": wall: derivative 1 does not depend on u"),
         ("poles=(4.0, 4.0)", "poles=(4.0, 4.0, 4.0)", ": wall: relative degree 2, but 3 was given"),
-        (
-            "Clf(x - target)",
-            "Clf(x - target, gains=(1.0,))",
-            ": the outputs of the CLF: derivative 1 does not depend on u",
-        ),
         ("Clf(x - target)", "Clf(x - target, gains=(-1.0, 1.0))", ": gains = [-1.0, 1.0] do not stabilise"),
     ],
 )
@@ -54,22 +38,6 @@ def test_an_error_in_a_task_names_file_and_line(tmp_path: Path, old: str, new: s
     assert result.exit_code == 2
     assert result.output.count("\n") == 1
     assert said.rstrip("`") in result.output
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "line"),
-    [
-        ('lambda t: {"target": 1.2}', 'lambda t: {"target": 1.2 if t < 0.1 else 1 / 0}', 10),
-        ("limit=20.0,", "limit=20.0, plant=lambda x, p, u: 1 / 0,", 8),
-    ],
-)
-def test_an_error_in_the_middle_of_a_ride_too(tmp_path: Path, old: str, new: str, line: int) -> None:
-    path = tmp_path / "cart.py"
-    path.write_text(CART.replace(old, new))
-    result = CliRunner().invoke(rabbit, ["system", "evaluate", str(path), "--rides", "1"])
-    assert result.exit_code == 2
-    assert f"{path}, line {line}: ZeroDivisionError: division by zero: `" in result.output
-    assert result.output.count("\n") == 1
 
 
 def test_a_barrier_of_degree_4_is_kept_by_the_oracle_and_nothing_is_learned_of_it() -> None:

@@ -4,7 +4,6 @@ import os
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
-from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -116,13 +115,6 @@ def test_a_function_is_compiled_while_it_is_called(cache: Path) -> None:
     assert len(list(cache.iterdir())) == 1
 
 
-def test_calls_that_others_make_count() -> None:
-    function = smooth()
-    function.count(OFTEN)
-    while function.fastest is function.function:
-        function.count(1)
-
-
 def test_what_is_compiled_is_kept(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     smooth().compile(wait=True)
     assert [each.suffix for each in cache.iterdir()] == [".so"]
@@ -146,21 +138,6 @@ def test_a_damaged_library_is_made_again(keep: int, cache: Path) -> None:
     function.compile(wait=True)
     assert function.fastest is not function.function
     assert library.read_bytes()[: -compiled.DIGEST] == whole[: -compiled.DIGEST]
-
-
-def test_a_library_that_cannot_be_loaded_is_done_without(
-    cache: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(compiled, "_said", [])
-    smooth().compile(wait=True)
-    (library,) = cache.iterdir()
-    library.unlink()
-    library.write_bytes(b"none" + sha256(b"none").digest())
-    function = smooth()
-    for _ in range(2):
-        function.compile(wait=True)
-    assert function.fastest is function.function
-    assert capfd.readouterr().err.count("\n") == 1
 
 
 def test_processes_compile_at_once(cache: Path) -> None:
@@ -197,33 +174,6 @@ def test_without_a_compiler_there_is_one_line_and_the_virtual_machine(what: str,
     assert not cache.exists() or not list(cache.iterdir())
 
 
-def test_it_can_be_turned_off(cache: Path) -> None:
-    assert run(CBF_CLF_QP_COMPILE="0", CC="no-compiler") == ([[row, "False"] for row in ROWS], "")
-    assert not cache.exists()
-
-
-def test_a_process_ends_without_waiting_for_its_compiler(tmp_path: Path, cache: Path) -> None:
-    """And leaves neither the compiler nor its folder."""
-    compiler = program(tmp_path / "cc", f"echo $$ > {tmp_path}/pid; sleep 3600")
-    assert run("leave", CC=compiler) == ([[row, "False"] for row in ROWS], "")
-    if (tmp_path / "pid").exists():  # it was not stopped before it began
-        assert not Path("/proc", (tmp_path / "pid").read_text().strip()).exists()
-    assert not list(cache.iterdir())
-
-
-def test_what_a_killed_process_has_left_is_removed(cache: Path) -> None:
-    cache.mkdir(parents=True)
-    for name, age in (("compiling-old", 2 * compiled.ABANDONED), ("compiling-new", 0), ("old.so", 2 * compiled.UNUSED)):
-        path = cache / name
-        path.write_text("") if path.suffix else path.mkdir()
-        then = path.stat().st_mtime - age
-        os.utime(path, (then, then))
-    function = smooth()
-    function.compile(wait=True)
-    assert sorted(each.name[:9] for each in cache.iterdir() if each.name[:9] == "compiling") == ["compiling"]
-    assert not {"compiling-old", "old.so"}.intersection(each.name for each in cache.iterdir())
-
-
 def test_threads_call_one_library_at_once() -> None:
     """DAQP has memory, which none may share."""
     rows = inputs(with_daqp(), 200)
@@ -248,14 +198,3 @@ def test_a_forked_process_compiles_its_own(cache: Path) -> None:
     assert os.waitpid(child, 0)[1] == 0
     function.compile(wait=True)
     assert function.fastest is not function.function
-
-
-def test_what_c_would_do_differently_stays_as_it_is(cache: Path) -> None:
-    """A root that is not found is an error, which a C function cannot raise."""
-    x, p = ca.MX.sym("x"), ca.MX.sym("p")
-    root = ca.rootfinder("root", "newton", {"x": x, "p": p, "g": x**2 - p})
-    function = NumpyFunction(ca.Function("f", [p], [root(x0=1, p=p)["x"]]), {})
-    function.compile(wait=True)
-    assert function.fastest is function.function
-    assert function(np.array([4.0])).row == pytest.approx([2.0])
-    assert not cache.exists()

@@ -1,8 +1,6 @@
 """Functions for numpy: what is left out, names; building in several threads."""
 
-import time
 from concurrent.futures import ThreadPoolExecutor
-from threading import Barrier
 
 import casadi as ca
 import numpy as np
@@ -28,27 +26,6 @@ def test_inputs_left_out_are_zero() -> None:
         function(given, matrix, given)
     with pytest.raises(AttributeError, match="no value difference: expected one of sum, b"):
         _ = first.difference
-
-
-def test_one_thread_builds_at_a_time_and_none_waits_for_ever() -> None:
-    """What builds may build other things within."""
-    together, building = Barrier(THREADS), [0]
-
-    @one_at_a_time
-    def built(depth: int) -> int:
-        assert building[0] == 0 or depth == 0, "two threads build at a time"
-        building[0] += 1
-        time.sleep(0.01)
-        found = built(depth - 1) if depth else 0
-        building[0] -= 1
-        return found + 1
-
-    def build(_: int) -> int:
-        together.wait()
-        return built(1)
-
-    with ThreadPoolExecutor(THREADS) as pool:
-        assert [each.result(timeout=30) for each in [pool.submit(build, i) for i in range(THREADS)]] == [2] * THREADS
 
 
 def test_ticks_may_be_built_in_several_threads() -> None:

@@ -126,20 +126,6 @@ def test_beside_huge_slacks_an_answer_keeps_the_hard_rows_by_their_own_scale(sol
     assert np.quantile(largest, 0.75) > 1e6
 
 
-def test_what_nobody_answers_counts_as_unanswered() -> None:
-    """The data are not valid, or the rows are in conflict."""
-    one, low = ca.SX.ones(1, 1), ca.SX.sym("low")
-    rows = [at_least(("low",), one, low, HARD), at_most(("high",), one, ca.SX(1), HARD)]
-    layout, data = build_qp(rows, None, Affine.identity(1))
-    for solver in ("daqp", "osqp"):
-        answering = Answering({"low": low}, data, layout, solver)
-        assert answering(np.array([0.5])).is_by(solver)
-        for number, value in enumerate([np.nan, np.inf, 2.0], start=1):
-            decided = answering(np.array([value]))
-            assert not any(decided.is_by(each) for each in ("daqp", "osqp"))
-            assert answering.unanswered == number
-
-
 @pytest.mark.parametrize("solver", ["daqp", "osqp"])
 def test_rows_give_way_in_order_of_their_weights(solver: str) -> None:
     """CLF before barrier, barrier before the limit of the input, which never does."""
@@ -178,14 +164,6 @@ def test_what_has_no_solution_is_not_solved(solver: str) -> None:
     assert not answering(np.array([np.inf])).solved
     assert not answering(np.array([np.nan])).solved
     assert answering(np.array([0.7])).u == pytest.approx([0.7])
-
-
-def test_osqp_prints_nothing(capfd: Any) -> None:
-    """Also where no row is active, or one just is."""
-    answering = programme("osqp", False)
-    for shift in (0.0, 1e-7, 1e-5, 1.0):
-        answering(np.eye(SOFT, M), np.zeros(SOFT) + 1e-7 - shift, np.zeros(M), np.eye(M))
-    assert capfd.readouterr() == ("", "")
 
 
 INTERRUPTED = """

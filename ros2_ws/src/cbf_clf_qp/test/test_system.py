@@ -113,12 +113,6 @@ def test_the_relative_degree_counts_what_cancels() -> None:
         assert float(difference(x)) == pytest.approx(0, abs=1e-9)
 
 
-@pytest.mark.parametrize("poles", [(), (0.0,), (1.0, -2.0), (float("nan"),), (float("inf"), 1.0)])
-def test_poles_are_positive(poles: tuple[float, ...]) -> None:
-    with pytest.raises(ValueError, match=r"wall: poles = .*expected positive rates"):
-        Barrier("wall", ca.SX.sym("x"), poles)
-
-
 def test_what_is_not_declared_is_named() -> None:
     x, u, mass = ca.SX.sym("x"), ca.SX.sym("u"), ca.SX.sym("mass")
     with pytest.raises(ValueError, match="x_dot depends on mass"):
@@ -131,13 +125,3 @@ def test_what_is_not_declared_is_named() -> None:
         System(x, u, u).derivatives("B", x * mass, 1)
     with pytest.raises(ValueError, match="B depends on x"):  # another symbol of that name
         System(x, u, u).derivatives("B", ca.SX.sym("x"), 1)
-
-
-def test_a_system_fits_together() -> None:
-    x, u = ca.SX.sym("x", 2), ca.SX.sym("u")
-    with pytest.raises(ValueError, match="x_dot is not affine in u"):
-        System(x, u, ca.vertcat(x[1], u**2))
-    with pytest.raises(ValueError, match="x_dot has 1 components; expected 2"):
-        System(x, u, u)
-    with pytest.raises(ValueError, match="parameters a, a: expected different names"):
-        System(x, u, ca.vertcat(x[1], u), [ca.SX.sym("a"), ca.SX.sym("a")])

@@ -29,7 +29,7 @@ GROUP = "rabbit.commands"
 ORDER = (
     *("play", "walk", "view", "run", "evaluate", "system", "benchmark", "misses", "speed", "reproduce"),
     *("gait", "train", "scales", "policy", "export", "estimates", "estimator", "rival", "residual"),
-    *("bench", "jitter", "soak", "faults", "bag", "video"),
+    *("bench", "jitter", "soak", "bag", "video"),
 )
 # what `pip install` leaves out unless asked: who only walks needs none of it
 EXTRAS = {"torch": "rl_trainer[learn]", "imageio_ffmpeg": "rabbit_viewer[film]"}

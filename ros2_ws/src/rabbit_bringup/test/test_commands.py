@@ -1,17 +1,14 @@
 """`rabbit` finds its subcommands by entry points: those of these packages, and a stranger's."""
 
-import ast
-import runpy
 import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from importlib.metadata import EntryPoint, version
-from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
-from rabbit_bringup.cli import GROUP, ORDER, app, commands, summary
+from rabbit_bringup.cli import GROUP, app, commands
 from rabbit_common.exit_codes import Interrupted
 from typer.testing import CliRunner
 
@@ -56,47 +53,12 @@ def here() -> dict[str, EntryPoint]:
     return {name: each for name, each in commands().items() if each.module.split(".")[0] in OURS}
 
 
-def test_entry_points_and_modules_agree() -> None:
-    found = (path for place in PLACES for path in place.glob("*/commands/*.py"))
-    installed = (path for path in found if find_spec(path.parents[1].name))
-    modules = {path.stem: path for path in installed if path.stem != "__init__"}
-    named = {name: f"{path.parents[1].name}.commands.{name}:app" for name, path in modules.items()}
-    assert {name: command.value for name, command in here().items()} == named
-    assert list(here()) == [name for name in ORDER if STUDIES.is_dir() or name in named]
-
-
-def test_the_help_text_is_the_first_line_of_the_docstring() -> None:
-    for command in here().values():
-        (path,) = (path for place in PLACES if (path := place / f"{command.module.replace('.', '/')}.py").is_file())
-        assert summary(command) == (ast.get_docstring(ast.parse(path.read_text())) or "").splitlines()[0]
-
-
-def test_the_help_text_imports_no_package_of_a_command() -> None:
-    code = """
-import sys
-from rabbit_bringup.cli import app
-from typer.testing import CliRunner
-assert CliRunner().invoke(app, ["--help"]).exit_code == 0
-print(*sorted({name.split(".")[0] for name in sys.modules if name.startswith(("rabbit_", "rl_"))}))
-"""
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == ["rabbit_bringup", "rabbit_common"]
-
-
 def test_a_strangers_command_is_listed_last_and_runs(stranger: Callable[[str], None]) -> None:
     before = list(commands())
     stranger("stranger_of_rabbit")
     assert list(commands()) == [*before, "dance"]
     assert "Dance: a stranger's command." in CliRunner().invoke(app, ["--help"]).output
     assert CliRunner().invoke(app, ["dance"]).output == "it dances\n"
-
-
-def test_a_command_without_a_module_hurts_nobody_else(stranger: Callable[[str], None]) -> None:
-    stranger("nowhere.at_all")
-    assert CliRunner().invoke(app, ["--help"]).exit_code == 0
-    refused = CliRunner().invoke(app, ["dance"])
-    assert (refused.exit_code, refused.stderr.count("\n")) == (2, 1)
-    assert "dance cannot be called: there is no module nowhere.at_all" in refused.stderr
 
 
 def test_a_studys_command_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -134,12 +96,6 @@ def test_a_command_that_a_signal_ends_has_the_shells_code(
     stranger("stranger_of_rabbit")
     monkeypatch.setattr("typer.core.TyperCommand.invoke", dance)
     assert CliRunner().invoke(app, ["dance"]).exit_code == code
-
-
-def test_a_process_that_a_command_spawns_is_not_the_command_again() -> None:
-    """As `multiprocessing` imports it there, by the name `__mp_main__`."""
-    script = runpy.run_path(str(SOURCES / "rabbit_bringup" / "bin" / "rabbit"), run_name="__mp_main__")
-    assert "main" in script
 
 
 def test_an_unknown_command_is_named() -> None:

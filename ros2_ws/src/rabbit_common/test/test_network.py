@@ -61,9 +61,3 @@ def test_a_domain_that_is_none_is_refused(value: str, monkeypatch: pytest.Monkey
     monkeypatch.setenv("ROS_DOMAIN_ID", value)
     with pytest.raises(StartError, match=f"ROS_DOMAIN_ID {value}: expected a whole number from 0 to 232"):
         domain()
-
-
-@pytest.mark.parametrize(("value", "number"), [("", 0), ("0", 0), ("13", 13), ("232", 232)])
-def test_a_domain_is_read_as_ros_does(value: str, number: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("ROS_DOMAIN_ID", value)
-    assert domain() == number

@@ -1,23 +1,7 @@
 """What an option's help says of its default, and which default holds."""
 
-import typer
 from pydantic import BaseModel, Field
-from rabbit_common.options import Defaults, Given, described, options
-from typer.testing import CliRunner
-
-
-class Options(BaseModel):
-    """One of each kind."""
-
-    out: str = Field(description="folder")
-    jobs: int = Field(default_factory=lambda: 2, description="processes")
-    name: str = Field("", description="of the run")
-    runs: int = Field(10, description="walks")
-
-
-def test_a_default_is_named_where_there_is_one_to_name() -> None:
-    expected = {"out": "folder", "jobs": "processes", "name": "of the run", "runs": "walks (default: 10)"}
-    assert described([Options]) == expected
+from rabbit_common.options import Defaults, Given, described
 
 
 class Robot(BaseModel):
@@ -50,18 +34,3 @@ def test_what_a_file_says_counts_beneath_what_is_given() -> None:
 def test_what_was_typed_can_be_typed_again() -> None:
     given = Given({"scale": "3", "lag": "0.1", "browser": False, "learn": True, "course": "my stones.csv"})
     assert given.typed(but=("scale",)) == "--no-browser --course 'my stones.csv' --lag 0.1 --learn"
-
-
-def test_help_leaves_out_what_help_all_shows() -> None:
-    app = typer.Typer()
-
-    @app.command()
-    @options(Options, Robot, rare=("jobs",))
-    def walk(given: Given) -> None:
-        """Walk."""
-
-    short, whole = (CliRunner().invoke(app, [word]).output for word in ("--help", "--help-all"))
-    usual, others = ("--out", "--name", "--runs", "--controller", "--help-all"), ("--jobs", "--lag", "--scale")
-    assert all(name in short for name in usual)
-    assert not any(name in short for name in others)
-    assert all(name in whole for name in (*usual, *others))

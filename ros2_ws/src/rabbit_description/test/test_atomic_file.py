@@ -1,12 +1,11 @@
 """A file is replaced as a whole, or stays as it was."""
 
-import errno
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-from rabbit_description.atomic_file import remove_partials, replace_text, replacing
+from rabbit_description.atomic_file import remove_partials, replacing
 
 
 def test_what_was_written_takes_the_place_of_the_file(tmp_path: Path) -> None:
@@ -32,22 +31,6 @@ def test_an_error_leaves_the_file_as_it_was(tmp_path: Path) -> None:
         fail()
     assert file.read_text() == "old"
     assert list(tmp_path.iterdir()) == [file]
-
-
-def test_an_error_has_the_name_of_the_file(tmp_path: Path) -> None:
-    file = tmp_path / "file"
-
-    def write() -> None:
-        with replacing(file) as partial:
-            partial.write_text("half")
-            raise OSError(errno.ENOSPC, "No space left on device")
-
-    with pytest.raises(OSError, match="No space left on device") as told:
-        write()
-    assert (told.value.errno, told.value.filename) == (errno.ENOSPC, str(file))
-    with pytest.raises(NotADirectoryError) as told:
-        replace_text(Path(__file__) / "below", "text")
-    assert told.value.filename == str(Path(__file__) / "below")
 
 
 def test_two_writers_at_once_both_end_whole(tmp_path: Path) -> None:

@@ -29,13 +29,6 @@ def test_what_is_no_regular_file_is_refused(tmp_path: Path) -> None:
                 read_bytes(path, 100)
 
 
-@pytest.mark.parametrize("path", ["/proc/kmsg", "/proc/self/pagemap", "/proc/version"])
-def test_a_file_of_proc_is_refused_at_once(path: str) -> None:
-    """Its size is 0, and it may block or never end; or only root may read it."""
-    with pytest.raises(FileError):
-        read_bytes(Path(path), 100)
-
-
 def test_errors_are_one_line(tmp_path: Path) -> None:
     latin = tmp_path / "latin"
     latin.write_bytes("ö".encode("latin-1"))

@@ -1,10 +1,8 @@
 """A walk in a batch is the walk alone, to the bit: MuJoCo, controller, policy, sensors, tally, environment."""
 
 import math
-import re
 from dataclasses import replace
 from itertools import product
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,8 +14,7 @@ from rabbit_description.robot_states import RobotStates
 from rabbit_description.state import Array, StonePreview
 from rabbit_experiments.assembly import Assembly, make_simulation, resolve_policy
 from rabbit_experiments.batch_evaluation import walk_together
-from rabbit_experiments.engine import batches
-from rabbit_experiments.evaluation import Scenario, walk
+from rabbit_experiments.evaluation import walk
 from rabbit_experiments.vector_environment import LearnerUnits, VectorWalkingEnv
 from rabbit_sim.batch_simulation import BatchSimulation
 from rabbit_sim.parameters import SimulationParameters
@@ -34,7 +31,6 @@ from rl_trainer.reward import reward
 from rl_trainer.rollout import Record, rollout
 from rl_trainer.transitions import TransitionBuilder
 
-PAGE = Path(__file__).resolve().parents[1] / "README.md"
 TIMES = {"tick_ms_p50", "tick_ms_p99", "plant_ms_p50", "walk_seconds"}
 PLANTS: list[dict[str, Any]] = [
     {"mass_scale": 2.0},
@@ -192,44 +188,6 @@ def test_what_is_wrong_with_one_robot_is_its_own_error(name: str, tuning: dict[s
     assert refused >= {"q NaN", "dq inf"}
 
 
-def test_a_reset_changes_nothing_that_was_handed_out() -> None:
-    (assembly,) = assemblies(plants=PLANTS[:1], qp_solver="daqp")
-    simulation, controller = assembly.build()
-    batch, together = BatchSimulation([simulation]), BatchController(controller, [controller.policy])
-    batch.reset([1])
-    together.reset(0, 1)
-    output = together.step(batch.states)
-    before = output.torque.copy()
-    together.reset(0, 2)
-    assert np.abs(before).max() > 1
-    assert np.array_equal(output.torque, before)
-
-
-def test_jobs_that_go_together_have_one_controller_and_mujoco() -> None:
-    first, second = assemblies(plants=PLANTS[:2]), assemblies(plants=PLANTS[:1], eps=0.05)
-    walks = [job for each in (*first, *second) for job in Scenario(each, runs=3, seed=1).walks]
-    assert sorted(map(len, batches(walks, most=64, processes=1))) == [3, 6]
-    assert sorted(map(len, batches(walks, most=4, processes=1))) == [2, 3, 4]
-    assert sorted(map(len, batches(walks, most=64, processes=2))) == [1, 2, 3, 3]
-    assert list(map(len, batches(walks, most=1, processes=1))) == [1] * 9
-    in_pybullet = Scenario(Assembly(SimulationParameters(), first[0].controller, "zero"), runs=3, seed=1).walks
-    assert list(map(len, batches(in_pybullet, most=64, processes=1))) == [1] * 3
-
-
-def test_another_plant_is_refused() -> None:
-    gait = load_gaits("stones_0350_084")
-    with pytest.raises(ValueError, match="plant = pybullet: expected mujoco"):
-        BatchSimulation([make_simulation(SimulationParameters(stones=1), gait)])
-    controller = load_parameters("ours", controller="rl-cbf-clf-qp")
-    with pytest.raises(ValueError, match="plant = rigid: expected mujoco"):
-        VectorWalkingEnv(TrainingParameters(), controller, SimulationParameters(plant="rigid"), 2)
-    with pytest.raises(ValueError, match="robots = 0: expected at least 1"):
-        VectorWalkingEnv(TrainingParameters(), controller, SimulationParameters(plant="mujoco"), 0)
-    best = load_parameters("best")
-    with pytest.raises(ValueError, match="adaptation = identification: expected none"):
-        VectorWalkingEnv(TrainingParameters(), best, SimulationParameters(plant="mujoco"), 2)
-
-
 class Given(LearnedPolicy):
     """Answers with the action it was given."""
 
@@ -296,16 +254,6 @@ def test_an_action_is_the_estimates_over_their_scales(problem: Problem) -> None:
     found = LearnerUnits(parameters).estimates(actions, LgV)
     np.testing.assert_allclose(found.alpha, alpha, rtol=1e-12)
     np.testing.assert_allclose(found.beta, beta, rtol=1e-12)
-
-
-@pytest.mark.skipif(not PAGE.is_file(), reason="the package is not in the project")
-def test_the_environment_as_the_docs_make_it() -> None:
-    page = PAGE.read_text(encoding="utf-8")
-    (code,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
-    made: dict[str, Any] = {}
-    exec(code, made)
-    assert made["env"].observation_space.contains(made["observations"])
-    assert (made["rewards"] <= 0).all()
 
 
 def random_plant(parameters: SimulationParameters, seed: int) -> SimulationParameters:

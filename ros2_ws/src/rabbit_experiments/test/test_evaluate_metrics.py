@@ -5,13 +5,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rabbit_description.force_ratio import IMPACT_SECONDS, impact_ticks
+from rabbit_description.force_ratio import impact_ticks
 from rabbit_description.gait import load_gait
 from rabbit_description.state import Array, Leg, RobotState, StonePreview
-from rabbit_estimator.parameters import EstimatorParameters
 from rabbit_experiments.metrics import RunResult, RunRow, RunTally
-from rabbit_sim.parameters import SimulationParameters
-from rabbit_sim.perturbations.sensors import Laboratory
 from rabbit_sim.simulation import Landing, Outcome
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.controller_output import ControllerOutput
@@ -73,13 +70,6 @@ def test_largest_ratio_is_taken_of_loaded_ticks_after_the_impact(record: Record)
     assert row_of(record, [(90.0, 100.0)], age=0).max_force_ratio == 0.0
 
 
-@pytest.mark.parametrize("tick", [0.01, 0.005, 0.003, 0.002, 0.001])
-def test_the_window_is_30_ms_of_whole_ticks(tick: float) -> None:
-    # the landing is up to a tick before the swap; the mean of tick k begins at k - 1
-    ticks, rounding = impact_ticks(tick), 1e-12
-    assert (ticks - 1) * tick + rounding >= IMPACT_SECONDS > (ticks - 2) * tick + rounding
-
-
 def run(record: Record, landings: list[Landing], outcome: Outcome, force: Array, **changes: Any) -> RunResult:
     """A run of as many steps as landings, four late ticks each."""
     tally = RunTally(0, PARAMETERS, lambda: force)
@@ -123,29 +113,9 @@ def test_forces_are_judged_apart_from_stones(record: Record) -> None:
     assert (row.ticks_over_cone, row.ticks_over_cone_at_impact) == (LATE, LATE - 1)  # no force before tick 0
 
 
-def test_a_fault_ends_under_its_own_name(record: Record) -> None:
-    row = run(record, [GOOD], Outcome.RUNNING, STANDING, fault="no solver answered: exit -1").row
-    assert (row.outcome, row.success) == ("no solver answered", False)
-
-
-def test_rows_and_slacks_are_counted(record: Record) -> None:
-    changes = {"active": ("CLF", "B2", "C2-", "u3"), "clf_slack": 2.0, "rescue_slack": 0.0, "answered": False}
-    row = run(record, [GOOD], Outcome.WALKED, STANDING, **changes).row
-    counted = (row.active_CLF, row.active_B2, row.active_C2, row.active_u, row.slack_ticks, row.qp_unanswered_ticks)
-    assert counted == (row.ticks,) * 6
-    assert (row.active_B1, row.active_C1, row.rescue_ticks, row.barrier_active_steps) == (0, 0, 0, 1)
-
-
 def test_barriers_that_begin_outside_their_promise_are_counted_once_a_step(record: Record) -> None:
     pole = PARAMETERS.barrier_pole_1
     sinking = {"barriers": np.array([1.0, 0.5]), "barrier_rates": np.array([0.0, -0.5 * pole - 1e-6])}
     assert run(record, [GOOD, GOOD], Outcome.WALKED, STANDING, **sinking).row.ecbf_start_violations == 2
     sound = {**sinking, "barrier_rates": np.array([0.0, -0.5 * pole + 1e-6])}
     assert run(record, [GOOD, GOOD], Outcome.WALKED, STANDING, **sound).row.ecbf_start_violations == 0
-
-
-def test_the_estimator_is_told_of_the_sensors_and_of_nothing_else_of_the_plant() -> None:
-    """What both have under one name is handed over; the radius of a rolling foot would be the truth."""
-    shared = EstimatorParameters.model_fields.keys() & SimulationParameters.model_fields.keys()
-    assert "gyro_noise" in shared
-    assert shared <= Laboratory.model_fields.keys() | {"encoder_resolution", "tick_seconds"}

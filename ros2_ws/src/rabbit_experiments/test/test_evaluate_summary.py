@@ -7,10 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rabbit_experiments.metrics import ForceTick, RunResult, RunRow
+from rabbit_experiments.metrics import RunResult, RunRow
 from rabbit_experiments.results import ResultsError, ResultsFolder
 from rabbit_experiments.summary import mean_interval, summarise, wilson
-from rabbit_experiments.tables import read_rows
 
 
 def result(run: int, **changes: Any) -> RunResult:
@@ -68,36 +67,9 @@ def test_summary_counts() -> None:
     json.dumps(summary, allow_nan=False)
 
 
-def test_of_each_barrier_the_least_of_all_runs_is_told_by_name() -> None:
-    runs = [result(0, least_barriers={"B1": 0.01}), result(1, least_barriers={"B1": -0.02, "pitch": 0.1})]
-    assert summarise(runs, "osqp")["least_barriers"] == {"B1": -0.02, "pitch": 0.1}
-
-
 def test_rms_is_over_all_ticks_not_over_runs() -> None:
     summary = summarise([result(0, rms_y=0.3, ticks=1), result(1, rms_y=0.1, ticks=9)], "osqp")
     assert summary["rms_y"] == pytest.approx(math.sqrt(0.018))
-
-
-def test_the_tables_of_a_folder(tmp_path: Path) -> None:
-    slip = ForceTick(
-        run=1,
-        kind="over_cone",
-        tick=9,
-        step=1,
-        ticks_since_landing=5,
-        at_impact=False,
-        tangential_force=90.0,
-        normal_force=100.0,
-        ratio=0.9,
-    )
-    low = {"B1": -0.01, "pitch": 0.2}
-    runs = [result(0, worst_margin=math.nan, least_barriers=low), result(1).model_copy(update={"violations": [slip]})]
-    ResultsFolder(tmp_path, {"key": "a", "made_with": {}}).write_runs(runs)
-    rows = read_rows(tmp_path / "runs.csv", RunRow)
-    assert math.isnan(rows[0].worst_margin)
-    assert rows[0].least_barriers == low
-    assert rows[1] == runs[1].row
-    assert read_rows(tmp_path / "violations.csv", ForceTick) == [slip]
 
 
 def test_a_folder_of_another_evaluation_is_refused(tmp_path: Path) -> None:
@@ -108,10 +80,3 @@ def test_a_folder_of_another_evaluation_is_refused(tmp_path: Path) -> None:
     assert first.cache.path.exists()
     ResultsFolder(tmp_path, {"key": "b", "made_with": {}}, overwrite=True)
     assert not first.cache.path.exists()
-
-
-def test_a_folder_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
-    ResultsFolder(tmp_path, {"key": "a", "made_with": {}})
-    (tmp_path / "evaluation.json").write_text("{")
-    with pytest.raises(ResultsError, match="cannot be read"):
-        ResultsFolder(tmp_path, {"key": "a", "made_with": {}})

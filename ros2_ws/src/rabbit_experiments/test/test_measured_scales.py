@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import pytest
 from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.commands.scales import app
 from rabbit_experiments.measured_scales import measure_scales
@@ -42,13 +41,3 @@ def test_the_line_in_a_file_is_written_and_nothing_else(tmp_path: Path) -> None:
     first, line, last = file.read_text().splitlines()
     assert (first, last) == ("A = 1", "B = 2")
     assert line.replace("SCALES: Any", "SCALES") == done.output.strip().splitlines()[-1]
-
-
-@pytest.mark.parametrize("text", ["", "SCALES = 1\nSCALES = 2\n"])
-def test_a_file_without_the_line_is_refused_before_a_walk(tmp_path: Path, text: str) -> None:
-    file = tmp_path / "mine.py"
-    file.write_text(text)
-    done = CliRunner().invoke(app, ["--controller", "rl-clf-qp", "--into", str(file)])
-    assert done.exit_code == 2
-    assert "expected one" in done.output
-    assert file.read_text() == text

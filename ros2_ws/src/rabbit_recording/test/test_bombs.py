@@ -12,9 +12,8 @@ import pytest
 from rabbit_recording import RecordingError
 from rabbit_recording.bag_writer import BagWriter, graph_types
 from rabbit_recording.contents import contents
-from rabbit_recording.episode_inventory import MOST_UNHEARD, missing
+from rabbit_recording.episode_inventory import MOST_UNHEARD
 from rabbit_recording.reader import iterate_episodes
-from rabbit_recording.recover import recover
 from recorded_walk import MESSAGES, in_sqlite3
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
@@ -106,12 +105,6 @@ def test_a_bomb_is_refused_in_one_line(tmp_path: Path, bomb: Callable[[Path], st
         assert len(str(refused.value)) < 2000
 
 
-def test_a_chunk_of_zeros_is_not_recovered(tmp_path: Path) -> None:
-    chunk_of_zeros(tmp_path / "bag")
-    with pytest.raises(RecordingError, match="no whole message"):
-        recover(tmp_path / "bag")
-
-
 def test_a_sound_compressed_recording_is_read(tmp_path: Path) -> None:
     assert contents(zeros(tmp_path / "bag", 1000)).messages == 1
 
@@ -129,19 +122,3 @@ def test_damaged_episode_numbers_take_no_memory(tmp_path: Path) -> None:
     whole = contents(write(tmp_path / "bag", [state(number, tick) for number in numbers for tick in (0, 1)]))
     assert [episode.number for episode in whole.episodes if episode.presence == "recorded"] == numbers
     assert sum(episode.presence == "lost" for episode in whole.episodes) == MOST_UNHEARD
-
-
-@pytest.mark.parametrize(
-    ("spans", "there", "expected"),
-    [
-        ({"a": range(4), "b": range(4)}, {"a": {0: 0, 2: 0}, "b": {0: 0, 1: 0}}, {1, 2, 3}),
-        ({"a": range(2, 5), "b": range(8, 9)}, {"a": {2: 0}, "b": {}}, {3, 4, 8}),
-        ({"a": range(0), "b": range(3, 6)}, {"a": {7: 0}, "b": {4: 0}}, {3, 5}),
-        ({"a": range(6), "b": range(2, 4)}, {"a": dict.fromkeys(range(6)), "b": {}}, {2, 3}),
-    ],
-)
-def test_missing_ticks_are_counted_as_a_set_would(
-    spans: dict[str, range], there: dict[str, dict[int, Any]], expected: set[int]
-) -> None:
-    assert set().union(*(set(span) - set(there[name]) for name, span in spans.items())) == expected
-    assert missing(spans, there) == len(expected)

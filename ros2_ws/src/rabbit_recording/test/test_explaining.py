@@ -9,7 +9,7 @@ import pytest
 from rabbit_recording import RecordingError
 from rabbit_recording.commands.bag import app
 from rabbit_recording.explaining import ExplainedTick, explain_tick
-from recorded_walk import DRAWS, Walk
+from recorded_walk import DRAWS
 from typer.testing import CliRunner, Result
 
 WriteBag = Callable[..., Path]
@@ -52,20 +52,6 @@ def test_what_the_model_says_is_the_recorded_model_at_the_mu_that_was_found(
     assert rows["u1"].upper == 200
 
 
-def test_the_worst_tick_has_the_most_slack_of_last_resort(tmp_path: Path, write_bag: WriteBag, walk: Walk) -> None:
-    told = explain_tick(write_bag(tmp_path / "bag"))
-    assert told.record.output.rescue_slack == max(record.output.rescue_slack for record in walk.records)
-
-
-def test_a_touchdown_is_told(tmp_path: Path, write_bag: WriteBag, walk: Walk) -> None:
-    stances = [record.output.stance for record in walk.records]
-    tick = next(i for i in range(1, len(stances)) if stances[i] != stances[i - 1])
-    told = "\n".join(explain_tick(write_bag(tmp_path / "bag"), tick).lines())
-    assert "the robot stands on the right leg" in told
-    assert "the right foot touches the ground" in told
-    assert "another stone is seen" in told
-
-
 @DRAWS
 def test_the_command_explains_and_draws(tmp_path: Path, write_bag: WriteBag) -> None:
     bag, picture = write_bag(tmp_path / "bag"), tmp_path / "tick.png"
@@ -80,9 +66,7 @@ def test_the_command_explains_and_draws(tmp_path: Path, write_bag: WriteBag) -> 
     ("words", "said"),
     [
         (["--tick", 9999], "tick 9999 of episode 1: expected one that was recorded, 0 to "),
-        (["--tick", 3, "--worst"], "expected --tick N or --worst"),
         ([], "expected --tick N or --worst"),
-        (["--tick", 3, "--episode", 7], "no ticks of episode 7 in it"),
         pytest.param(["--tick", 3, "--picture", "tick.nothing"], "'nothing' is not supported", marks=DRAWS),
     ],
 )
@@ -114,14 +98,3 @@ def turned(message: Any, by: float) -> Any:
     """A torque that no replay gives."""
     message.torque = message.torque + by
     return message
-
-
-def test_a_tick_that_no_solver_answered_is_refused(
-    tmp_path: Path, write_bag: WriteBag, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    bag = write_bag(tmp_path / "bag")
-    for module in ("cbf_clf_qp.answer", "rl_cbf_clf_controller.step"):
-        monkeypatch.setattr(f"{module}.TOLERANCE", -1.0)
-    monkeypatch.setattr("rabbit_recording.explaining.ROUNDING", np.inf)
-    with pytest.raises(RecordingError, match="tick 0 of episode 1 cannot be explained: no solver answered"):
-        explain_tick(bag, 0)

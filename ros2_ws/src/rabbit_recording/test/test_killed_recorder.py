@@ -3,7 +3,6 @@
 import contextlib
 import multiprocessing
 import random
-import resource
 import struct
 import time
 from pathlib import Path
@@ -39,21 +38,6 @@ def record_forever(path: Path, written: Any) -> None:
         time.sleep(TICK_SECONDS)
 
 
-def record_until_full(path: Path, written: Any, limit: int) -> None:
-    """As fast as it goes, into files of `limit` bytes at most; ends by itself when told that it cannot go on."""
-    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
-    writer = open_writer(path)
-    for tick in range(100_000):
-        try:
-            writer.write("/tick", tick, struct.pack("<q", tick) + PADDING)
-            if tick % 50 == 49:
-                writer.flush()
-                written.value = tick
-        except RecordingError:
-            writer.close()  # changes nothing any more
-            return
-
-
 def ticks_in(path: Path) -> list[int]:
     """The numbers of the ticks in a recording."""
     with opened(path) as reader:
@@ -76,18 +60,6 @@ def test_a_kill_loses_at_most_the_last_second(tmp_path: Path, seed: int) -> None
     there = ticks_in(done.path)
     assert there == list(range(done.messages))
     assert there[-1] >= written.value - TICKS_A_SECOND
-
-
-def test_a_full_disk_is_told_and_keeps_what_was_flushed(tmp_path: Path) -> None:
-    written = FORK.Value("q", -1, lock=False)
-    recorder = FORK.Process(target=record_until_full, args=(tmp_path / "bag", written, 200_000))
-    recorder.start()
-    recorder.join(60)
-    assert recorder.exitcode == 0
-    assert written.value > 0
-    there = ticks_in(recover(tmp_path / "bag").path)
-    assert there == list(range(len(there)))
-    assert there[-1] >= written.value
 
 
 def test_any_cut_of_an_mcap_file_leaves_what_is_before_it(tmp_path: Path) -> None:

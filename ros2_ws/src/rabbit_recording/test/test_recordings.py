@@ -115,8 +115,3 @@ def test_plot_draws_every_picture(tmp_path: Path, write_bag: WriteBag) -> None:
     assert done.exit_code == 0, done.output
     drawn = {path.stem for path in (tmp_path / "bag-pictures").glob("*.png")}
     assert drawn == {"walk", "swing_foot", "barriers", "clf", "forces", "torques", "quantities"}
-
-
-def test_a_raw_file_is_a_recording_too(tmp_path: Path, write_bag: WriteBag) -> None:
-    bag = write_bag(tmp_path / "bag")
-    assert contents(bag / "bag.mcap").messages == contents(bag).messages

@@ -26,10 +26,6 @@ def given(motor):
     return motor.states[MotorLag][0, 0]
 
 
-def test_a_perfect_motor_gives_what_is_asked():
-    assert motors().advance(U) == pytest.approx(np.tile(U, (SUBSTEPS, 1)), abs=0)
-
-
 @pytest.mark.parametrize("lag", [0.001, 0.004, 0.05])
 def test_lag_is_the_first_order_step_response(lag):
     """tau(t) = u (1 - exp(-t/T)), also from tick to tick; a substep's mean has its integral."""
@@ -59,13 +55,6 @@ def test_delay_shifts_the_command_by_whole_milliseconds(delay_ms):
     asked = np.repeat(commands, SUBSTEPS, axis=0)
     assert not given[:delay_ms].any()
     assert given[delay_ms:] == pytest.approx(asked[:-delay_ms], abs=0)
-
-
-def test_reset_brings_the_motors_to_rest():
-    motor = motors(torque_delay=0.005, motor_lag=0.004)
-    motor.advance(U)
-    motor.rest()
-    assert not motor.advance(np.zeros(4)).any()
 
 
 def test_damping_torque_of_a_knee_is_its_shins_inertia():
@@ -135,15 +124,6 @@ def test_gears_take_no_impulse_and_end_with_rotor_and_joint_together(backlash, s
     np.testing.assert_allclose(ROTOR_INERTIA * ways[:, 1] + inertia * ways[:, 3], torque * t, rtol=1e-9)
     twist = inertia / (inertia + ROTOR_INERTIA) * torque / (stiffness or GEAR_STIFFNESS) + np.deg2rad(backlash) / 2
     assert ways[-200:, 0].mean() - ways[-200:, 2].mean() == pytest.approx(twist, rel=0.02)
-
-
-def test_within_its_play_a_gear_passes_nothing():
-    """A rotor alone crosses half of two degrees at torque / J; until then the joint rests."""
-    ways = rotors_on(0.4, Gears(backlash=2.0), 1.0, 0.06)
-    crossing = np.sqrt(2 * np.deg2rad(1.0) * ROTOR_INERTIA)
-    before = SUBSTEP_SECONDS * np.arange(1, len(ways) + 1) < crossing - SUBSTEP_SECONDS
-    assert not ways[before, 3].any()
-    assert ways[-1, 3] > 0
 
 
 def test_motors_of_several_robots_are_those_of_each():

@@ -79,14 +79,6 @@ def test_late_readings_are_those_of_earlier(delay):
     assert body.joint_rates == pytest.approx(40.0 * (time - SUBSTEP_SECONDS), abs=1e-5)
 
 
-def test_an_angle_is_a_multiple_of_its_encoders_step():
-    measure = begun(Laboratory, SimulationParameters(sensors="lab", **PERFECT))
-    for reading in readings(40.0):
-        angles = measure(exactly(reading), reading).sensors.joint_angles
-        assert angles / ENCODER_STEP == pytest.approx(np.round(angles / ENCODER_STEP), abs=1e-9)
-        assert np.abs(angles - reading.q[3:]).max() <= ENCODER_STEP / 2
-
-
 @pytest.mark.parametrize("plant", ["pybullet", "mujoco", "rigid"])
 def test_perfect_sensors_and_the_truth_agree_on_every_plant(plant):
     """Attitude and gyro are pitch and its rate; the velocity is the integral of the accelerometer, impacts included."""

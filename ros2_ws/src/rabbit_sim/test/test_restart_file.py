@@ -4,8 +4,7 @@ import os
 import signal
 from pathlib import Path
 
-import pytest
-from rabbit_sim.restart_file import RestartFile, RestartFileError, RestartPoint
+from rabbit_sim.restart_file import RestartFile, RestartPoint
 
 
 def test_a_killed_process_has_noted_all(tmp_path: Path) -> None:
@@ -22,17 +21,3 @@ def test_a_killed_process_has_noted_all(tmp_path: Path) -> None:
 
 def test_the_first_one_begins_at_zero(tmp_path: Path) -> None:
     assert RestartFile(tmp_path / "memory").stand == RestartFile(None).stand == RestartPoint()
-
-
-@pytest.mark.parametrize("content", [b"", bytes(119), bytes(121), b"\xff" * 120])
-def test_another_file_is_refused(tmp_path: Path, content: bytes) -> None:
-    path = tmp_path / "memory"
-    path.write_bytes(content)
-    with pytest.raises(RestartFileError, match=str(path)):
-        RestartFile(path)
-    assert path.read_bytes() == content
-
-
-def test_a_folder_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(RestartFileError, match="memory"):
-        RestartFile(tmp_path)

@@ -53,13 +53,6 @@ def test_impact_identities(random_state, truth, changes, leg, seed):
     assert robot.angular_momentum(q, after, contact) == pytest.approx(before, rel=1e-9, abs=1e-9)
 
 
-def test_impact_of_a_foot_at_rest_changes_nothing(truth):
-    q, dq = truth().start()
-    after, impulse = truth().pinned().impact(q, dq, Leg.LEFT)
-    assert after == pytest.approx(dq, abs=1e-12)
-    assert impulse == pytest.approx([0, 0], abs=1e-10)
-
-
 @pytest.mark.parametrize("changes", [{}, {**PERTURBED, "joint_damping": 0.0}])
 def test_rigid_keeps_energy_and_its_foot_without_torque(truth, changes):
     robot = truth(plant="rigid", **changes)
@@ -82,20 +75,6 @@ def test_damping_takes_the_energy_that_its_power_says(truth):
     h = 1e-6
     rate = (robot.energy(q + h * dq, dq + h * ddq) - robot.energy(q - h * dq, dq - h * ddq)) / (2 * h)
     assert rate == pytest.approx(power, rel=1e-5)
-
-
-@pytest.mark.parametrize("changes", [{}, PERTURBED])
-def test_the_mean_force_is_that_of_the_equation_of_motion(truth, changes):
-    """Over a tick in which forces change little: the mean of those at its ends, to 1%."""
-    robot = truth(plant="rigid", **changes)
-    q, dq = robot.start()
-    plant = RigidPlant(robot.parameters)
-    plant.reset(q, dq, Leg.LEFT)
-    plant.advance(PRESSING)
-    reading = plant.observe()
-    ends = [accelerations(robot.pinned(), *at, PRESSING, Leg.LEFT)[1] for at in ((q, dq), (reading.q, reading.dq))]
-    size = np.abs(ends).max()
-    assert reading.foot_force[Leg.LEFT] == pytest.approx(np.mean(ends, axis=0), abs=0.01 * size)
 
 
 def fall_until_touch(robot):

@@ -8,7 +8,7 @@ from hypothesis.extra.numpy import arrays
 from rabbit_description.gait import load_gait
 from rabbit_description.state import Leg
 from rabbit_sim.actuation import Actuation
-from rabbit_sim.initial_state import initial_state, project
+from rabbit_sim.initial_state import initial_state
 from rabbit_sim.kinematics import LegShape, RabbitFeet
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.pinned_dynamics import PinnedDynamics
@@ -69,18 +69,6 @@ def check_kinematics(p, q, dq, leg):
     velocity = motion.linear[[0, 2]] + motion.angular[1] * np.array([up, -ahead])
     np.testing.assert_allclose(RabbitFeet(leg_shape(p)).positions(q)[leg], place, atol=1e-12)
     np.testing.assert_allclose(RabbitFeet(leg_shape(p)).jacobian(q, leg) @ dq, velocity, atol=1e-11)
-
-
-@settings(max_examples=50, deadline=None)
-@given(robots)
-def test_masses_add_up_and_the_payloads_moment_is_where_it_was_put(p):
-    model, data, _ = model_of(p)
-    own = 32 * p.mass_scale
-    assert np.isclose(pinocchio.computeTotalMass(model), own + p.payload, rtol=1e-12)
-    bare, bare_data, _ = model_of(p.model_copy(update={"payload": 0.0}))
-    with_load = pinocchio.centerOfMass(model, data, np.zeros(7))[2] * (own + p.payload)
-    without = pinocchio.centerOfMass(bare, bare_data, np.zeros(7))[2] * own
-    assert np.isclose(with_load - without, p.payload * p.payload_height, atol=1e-9)
 
 
 @settings(max_examples=50, deadline=None)
@@ -156,15 +144,6 @@ def test_the_first_state_stands_whatever_the_noise(seed, spread, bend):
     np.testing.assert_allclose(feet[Leg.LEFT], 0, atol=1e-12)
     np.testing.assert_allclose(RabbitFeet(LegShape.of(bend)).jacobian(q, Leg.LEFT) @ dq, 0, atol=1e-11)
     assert feet[Leg.RIGHT, 1] >= -1e-12
-
-
-@settings(max_examples=100, deadline=None)
-@given(postures, rates)
-def test_projection_changes_nothing_twice(q, dq):
-    once = project(q, dq, RabbitFeet())
-    twice = project(*once, RabbitFeet())
-    np.testing.assert_allclose(once[0], twice[0], atol=1e-9)
-    np.testing.assert_allclose(once[1], twice[1], atol=1e-9)
 
 
 @settings(max_examples=100, deadline=None)

@@ -33,11 +33,6 @@ def test_a_course_is_its_seeds():
     assert (near_edges(seed=3) != near_edges(seed=4)).any()
 
 
-def test_every_stone_has_the_asked_width():
-    course = draw_course(SimulationParameters(stone_width=0.07), np.random.default_rng(0))
-    assert [stone.l_max - stone.l_min for stone in course] == pytest.approx([0.07] * 20)
-
-
 # ---- files -----------------------------------------------------------------------------------------------------------
 
 
@@ -61,19 +56,10 @@ def test_course_files(tmp_path, name, text):
     ("name", "text", "expected"),
     [
         ("c.yaml", "stones: [{l_min: 0.3}]", "1 stones: expected at least 2"),
-        ("c.yaml", "stones: [{l_min: 0.3}, {l_min: -0.3}]", "stone 2 l_min = -0.3"),
-        ("c.yaml", "stones: [{l_min: 0.3}, {l_min: 0.4, l_max: 0.35}]", "l_max = 0.35 must exceed l_min = 0.4"),
         ("c.yaml", "stones: [{l_min: 0.3}, {l_min: .nan}]", "stone 2 l_min = nan"),
-        ("c.yaml", "stones: [{l_min: 0.3}, {l_min: far}]", "stone 2 l_min = 'far'"),
-        ("c.yaml", "stones: [{l_min: 0.3}, {l_max: 0.4}]", "stone 2 l_min"),
         ("c.yaml", "stones: [{l_min: 0.3, width: 1}, {l_min: 0.4}]", "stone 1 width"),
-        ("c.yaml", "stones: [0.3, 0.4]", "stone 1 = 0.3"),
         ("c.yaml", "[1, 2", "cannot be read"),
-        ("c.yaml", "course: []", "one key 'stones'"),
-        ("c.csv", "near\n0.3\n0.4\n", "stone 1 l_min"),
         ("c.csv", "l_min\n0.3\nx\n", "stone 2 l_min = 'x'"),
-        ("c.csv", "l_min\n0.3,0.4,0.5\n0.3\n", "stone 1"),
-        ("c.txt", "0.3", "expected .yaml or .csv"),
         ("c.csv", None, "cannot be read"),
     ],
 )
@@ -146,20 +132,10 @@ def test_no_stone_beyond_the_last_and_none_on_flat_ground():
     ("changes", "expected"),
     [
         ({"mass_scale": 0}, ("mass_scale", "input_value=0", "greater than or equal to 0.1")),
-        ({"payload": -1}, ("payload", "input_value=-1", "greater than or equal to 0")),
-        ({"motor_loss": 1.0}, ("motor_loss", "input_value=1.0", "less than 1")),
         ({"ground_friction": float("nan")}, ("ground_friction", "input_value=nan", "finite")),
-        ({"ground_stiffness": 9e3}, ("ground_stiffness", "input_value=9000", "greater than or equal to 10000")),
-        ({"slope": 21}, ("slope", "input_value=21", "less than or equal to 20")),
         ({"ground_damping": 2e3, "plant": "rigid"}, ("ground_damping = 2000 with plant rigid", "pybullet or mujoco")),
-        ({"stone_height": 0.01, "plant": "rigid"}, ("stone_height = 0.01 with plant rigid", "pybullet or mujoco")),
-        ({"coulomb": 5.0, "plant": "rigid"}, ("coulomb = 5 with plant rigid", "pybullet or mujoco")),
         ({"push": 5.0, "plant": "rigid"}, ("push = 5 with plant rigid", "pybullet or mujoco")),
-        ({"plant": "gazebo"}, ("plant", "gazebo", "'pybullet' or 'rigid'")),
-        ({"stones": 2.5}, ("stones", "input_value=2.5", "valid integer")),
         ({"stone": 3}, ("stone", "input_value=3", "not permitted")),
-        ({"torque_delay": 0.0015}, ("torque_delay = 0.0015", "multiple of 0.001")),
-        ({"l_min_mean": 0.1, "l_min_std": 0.05}, ("l_min_mean - l_min_truncation", "more than 0 m")),
         ({"l_min_mean": 0.8, "l_min_std": 0.03}, ("l_min_mean + l_min_truncation", "at most 0.9 m")),
     ],
 )
@@ -168,12 +144,3 @@ def test_bad_parameters_are_refused_by_name_value_and_what_was_expected(changes,
         SimulationParameters(**changes)
     for part in expected:
         assert part in str(error.value)
-
-
-def test_every_parameter_is_described():
-    assert all(field.description for field in SimulationParameters.model_fields.values())
-
-
-def test_parameters_do_not_change():
-    with pytest.raises(ValidationError):
-        SimulationParameters().payload = 3

@@ -7,20 +7,17 @@ import re
 import socket
 import struct
 import threading
-import tracemalloc
 from collections.abc import Iterator
-from contextlib import ExitStack, closing
+from contextlib import ExitStack
 from http.client import HTTPConnection
 from pathlib import Path
-from xml.etree import ElementTree
 
 import pytest
 from page_client import PageClient
 from rabbit_viewer.page import PageError
-from rabbit_viewer.page.broadcast import KEPT_BYTES, Broadcast
-from rabbit_viewer.page.files import contents, find_file, page_with, write_page
-from rabbit_viewer.page.recording import Explainer
-from rabbit_viewer.page.server import LONGEST_MESSAGE, MOST_MESSAGES, PageServer
+from rabbit_viewer.page.broadcast import Broadcast
+from rabbit_viewer.page.files import contents, page_with, write_page
+from rabbit_viewer.page.server import MOST_MESSAGES, PageServer
 from websockets.exceptions import InvalidStatus
 
 WALKER = {"name": "nominal", "columns": ["tick", "V"], "quantities": []}
@@ -112,38 +109,6 @@ def test_a_refusal_goes_to_the_browser_that_asked(page: PageServer) -> None:
         assert not two.hear(0.1) or "refused" not in two.words
 
 
-def fail(*_: object) -> list[str]:
-    """As code that somebody forgot to guard."""
-    raise KeyError("tick")
-
-
-def test_where_an_answer_fails_the_browser_is_told_and_may_go_on(broadcast: Broadcast) -> None:
-    with closing(PageServer(broadcast, fail, 0)) as page, PageClient(page.address) as one:
-        for _ in range(2):
-            one.words.pop("refused", None)
-            one.say("explain")
-            one.wait(lambda client: "refused" in client.words)
-            assert one.words["refused"]["text"].startswith("KeyError: 'tick' (test_page_server.py, line")
-
-
-def test_where_an_explanation_fails_the_browser_is_told(page: PageServer, broadcast: Broadcast) -> None:
-    explain = Explainer(broadcast, fail)
-    with PageClient(page.address) as one:
-        assert explain('{"do": "explain", "walker": 0, "tick": 3}') == ""
-        one.wait(lambda client: "explained" in client.words)
-        assert one.words["explained"]["tick"] == 3
-        assert one.words["explained"]["lines"][0].startswith("KeyError: 'tick'")
-
-
-def test_too_long_a_message_ends_the_connection_alone(page: PageServer, broadcast: Broadcast) -> None:
-    with PageClient(page.address) as one, PageClient(page.address) as two:
-        one.say("x" * (LONGEST_MESSAGE + 1))
-        while not one.has_ended:
-            one.hear()
-        broadcast.add(rows(0, 5))
-        two.wait(lambda client: len(client.rows) == 5)
-
-
 def test_too_many_messages_are_refused(page: PageServer) -> None:
     with PageClient(page.address) as one:
         for _ in range(5 * MOST_MESSAGES):
@@ -161,11 +126,6 @@ def test_a_taken_port_is_one_line() -> None:
             PageServer(Broadcast(), str, port)
 
 
-def test_a_host_that_is_no_name_is_one_line() -> None:
-    with pytest.raises(PageError, match=r"^page at a{70}:0: [^\n]*label too long[^\n]*; expected this machine's"):
-        PageServer(Broadcast(), str, 0, "a" * 70)
-
-
 def test_slow_readers_do_not_hold_up_the_end(page: PageServer, broadcast: Broadcast) -> None:
     with ExitStack() as stack:
         for _ in range(3):
@@ -177,28 +137,6 @@ def test_slow_readers_do_not_hold_up_the_end(page: PageServer, broadcast: Broadc
         closing.start()
         closing.join(timeout=8)  # without a limit of ours it takes 10 s
         assert not closing.is_alive()
-
-
-def test_an_episode_without_end_does_not_fill_the_memory() -> None:
-    import asyncio
-
-    async def follow() -> int:
-        broadcast = Broadcast()
-        broadcast.begin(ABOUT)
-        chunk = rows(0, 100_000)
-        for _ in range(KEPT_BYTES // len(chunk) + 5):
-            broadcast.add(chunk)
-        follower = broadcast.follow()
-        about, kept = await anext(follower)
-        assert isinstance(about, str)
-        assert isinstance(kept, bytes)
-        broadcast.add(rows(7, 1))
-        assert await anext(follower) == [rows(7, 1)]
-        return len(kept)
-
-    kept = asyncio.run(follow())
-    assert KEPT_BYTES // 3 < kept <= KEPT_BYTES
-    assert kept % 8 == 0
 
 
 def test_a_saved_page_holds_the_walk_and_asks_nobody(page: PageServer, broadcast: Broadcast, tmp_path: Path) -> None:
@@ -216,22 +154,3 @@ def test_a_saved_page_holds_the_walk_and_asks_nobody(page: PageServer, broadcast
     assert "default-src 'none'" in text
     with pytest.raises(PageError, match=r"^--export /nowhere/walk\.html: No such file"):
         write_page(Path("/nowhere/walk.html"), broadcast)
-
-
-def test_the_page_has_an_icon(page: PageServer) -> None:
-    index, icon = get(page.address, "/")[1], get(page.address, "/icon.svg")
-    assert '<link rel="icon" href="icon.svg">' in index
-    assert icon[0] == 200
-    assert ElementTree.fromstring(icon[1]).tag == "{http://www.w3.org/2000/svg}svg"
-    assert get(page.address, "/favicon.ico") == icon, "a browser also asks for it unasked"
-
-
-def test_paths_that_are_asked_for_are_not_kept() -> None:
-    tracemalloc.start()
-    try:
-        for number in range(2000):
-            assert find_file(f"/{number}{'x' * 1000}") is None
-        kept, _ = tracemalloc.get_traced_memory()
-    finally:
-        tracemalloc.stop()
-    assert kept < 500_000

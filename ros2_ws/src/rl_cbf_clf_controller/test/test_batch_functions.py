@@ -22,11 +22,6 @@ def test_rows_are_the_values_of_each() -> None:
     assert found[1].size == pytest.approx([26.0])
 
 
-def test_a_wrong_size_names_the_input() -> None:
-    with pytest.raises(ValueError, match="v has 6 numbers; expected 2 for each of 2"):
-        BatchFunction(norm())(np.ones((2, 3)), np.ones(1))
-
-
 def test_estimates_add_up_robot_by_robot() -> None:
     one = Estimates(np.ones((2, 3)), np.arange(2.0), np.ones((3, 4)))
     unknown = Estimates(np.zeros((2, 3)), np.zeros(2))

@@ -11,16 +11,14 @@ from rabbit_description.state import DOF, TICK_SECONDS, RobotState, StonePreview
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.identification import RATE_NOISE, SIZE, is_physical
 from rl_cbf_clf_controller.identified_robot import (
-    FIRST_DIFFERENCES,
     KNOWN,
     NOISE_WEIGHT,
     PITCH,
-    SETTLING,
     after_tick,
     first_known,
     rate_variance,
 )
-from rl_cbf_clf_controller.parameters import ParameterError, load_parameters
+from rl_cbf_clf_controller.parameters import load_parameters
 from rl_cbf_clf_controller.policy import Policy, ZeroPolicy
 from rl_cbf_clf_controller.robot_numbers import read_robot
 from rl_cbf_clf_controller.scene import ControllerError, Scene
@@ -153,15 +151,6 @@ def test_a_push_is_no_noise(state):
     assert sigma_of(fed(*reversed(adapting(state)), pitch, rates)) < 0.02
 
 
-def test_it_waits_for_its_first_differences(state):
-    """A step that is too short teaches nothing."""
-    here, adaptation = adapting(state)
-    for ticks, knows in ((SETTLING + FIRST_DIFFERENCES, False), (SETTLING + 1 + FIRST_DIFFERENCES, True)):
-        adaptation.reset()
-        fed(adaptation, here, np.zeros(ticks), np.zeros(ticks))
-        assert (adaptation.known.share != 1) == knows
-
-
 @pytest.mark.parametrize("which", [0, 4, 8])
 def test_a_link_without_mass_is_no_robot(which):
     theta = read_robot().theta
@@ -192,9 +181,3 @@ def test_a_policy_that_adds_to_another_adaptation_is_refused(state, trained, run
     assert walking.policy.adaptation == runs
     with pytest.raises(ControllerError):
         controller(Trained(trained), adaptation=runs)
-
-
-@pytest.mark.parametrize("name", ["io-rl-clf-qp", "l1-clf-qp"])
-def test_a_controller_that_estimates_no_rows_has_nothing_to_adapt(name):
-    with pytest.raises(ParameterError, match="estimates no rows"):
-        load_parameters("ours", controller=name, adaptation="identification")

@@ -3,14 +3,12 @@
 import pickle
 from itertools import pairwise
 from math import tanh
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from cbf_clf_qp import compiled
 from cbf_clf_qp.compiled import Library
-from cbf_clf_qp.functions import OFTEN
 from rl_cbf_clf_controller import network
 from rl_cbf_clf_controller.network import SOURCE, Actor, CompiledNetwork, forward_of
 
@@ -82,12 +80,6 @@ def test_it_is_the_product_of_matrices(sizes: tuple[int, ...]) -> None:
     assert found == pytest.approx(np.tanh(values), abs=1e-9)
 
 
-@pytest.mark.usefixtures("made")
-def test_observations_of_another_size_are_refused() -> None:
-    with pytest.raises(ValueError, match="observations have 4 numbers; expected 5"):
-        Actor(arrays(5, 33, 9, 3))(np.zeros((2, 4)))
-
-
 @pytest.mark.parametrize("sizes", SIZES)
 def test_c_and_numpy_have_the_same_bits(sizes: tuple[int, ...], monkeypatch: pytest.MonkeyPatch) -> None:
     """Also where the compiler does nothing to be faster, and on any processor."""
@@ -104,15 +96,3 @@ def test_c_and_numpy_have_the_same_bits(sizes: tuple[int, ...], monkeypatch: pyt
         monkeypatch.setattr(network, "NETWORK", chosen)
         found.append(np.nan_to_num(actor(rows), nan=2.0))
     assert [each.tobytes() for each in found[1:]] == [found[0].tobytes()] * 4
-
-
-def test_it_is_compiled_after_many_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv(compiled.COMPILE, raising=False)
-    monkeypatch.setenv(compiled.CACHE, str(tmp_path / "cache"))
-    monkeypatch.setattr(network, "NETWORK", CompiledNetwork())
-    actor, rows = Actor(arrays(2, 3, 5, 1)), np.ones((OFTEN - 1, 2))
-    expected = actor(rows)
-    assert not (tmp_path / "cache").exists()
-    while not network.NETWORK.forward:
-        assert actor(rows[:10]).tobytes() == expected[:10].tobytes()
-    assert actor(rows).tobytes() == expected.tobytes()

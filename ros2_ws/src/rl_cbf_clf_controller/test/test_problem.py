@@ -19,13 +19,8 @@ GOOD: dict[str, Any] = {
     ("changes", "named"),
     [
         ({"observation": ("angle", "speed")}, "speed"),
-        ({"optional": ("wind",)}, "wind"),
-        ({"beta_scale": (1.0,)}, "beta_scale"),
         ({"error_scale": (1.0, 0.0)}, "error_scale"),
-        ({"quantities": ("B", "V")}, "V is the first"),
         ({"quantities": ()}, "alpha_scale"),
-        ({"inputs": 0}, "inputs"),
-        ({"mu_unit": 0.0}, "mu_unit"),
         ({"units": (("angle", 0, 1), ("rate", 0, -2))}, "rate"),
     ],
 )

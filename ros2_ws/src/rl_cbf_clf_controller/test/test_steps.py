@@ -59,10 +59,3 @@ def test_desired_outputs_are_smooth_before_at_and_after_the_beginning_of_a_step(
     per_time = rate / (2 * H)
     assert here.dy == pytest.approx((ahead.y - behind.y) * per_time, abs=1e-3)
     assert here.bias == pytest.approx((ahead.dy - behind.dy) * per_time, abs=1e-2)
-
-
-def test_a_step_begins_without_error():
-    for seed in range(20):
-        q, dq = landed(seed)
-        outputs = begun(q, dq)
-        assert outputs.evaluate(q, dq).eta == pytest.approx(np.zeros(8), abs=1e-9)

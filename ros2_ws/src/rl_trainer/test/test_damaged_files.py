@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_cbf_clf_controller.uncertainty import RL_CLF_QP
-from rl_trainer.checkpoint import BEFORE, CHECKPOINT, Checkpoint, CheckpointError, journal_path, line_of, read_journal
+from rl_trainer.checkpoint import BEFORE, CHECKPOINT, Checkpoint, CheckpointError
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.rollout import Record, rollout
 from rl_trainer.session import resume
@@ -46,20 +46,6 @@ def transitions(toy_world: Any, toy_controller: Any) -> list[Transition]:
     return found
 
 
-def test_no_flipped_bit_of_a_journal_is_taken(
-    tmp_path: Path, transitions: list[Transition], caplog: pytest.LogCaptureFixture
-) -> None:
-    path, written = journal_path(tmp_path, 0), [line_of(transition, PARAMETERS) for transition in transitions]
-    data = b"".join(written)
-    for damaged in flips(data):
-        caplog.clear()
-        path.write_bytes(damaged)
-        held = read_journal(path, PARAMETERS)
-        assert {line_of(transition, PARAMETERS) for transition in held} <= set(written)
-        assert len(held) == len(transitions) - 1
-        assert f"journal {path}: cut or damaged; {len(held)} of" in caplog.text
-
-
 def test_no_flipped_bit_of_a_checkpoint_is_taken(
     tmp_path: Path, toy_world: Any, toy_controller: Any, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -77,14 +63,6 @@ def test_no_flipped_bit_of_a_checkpoint_is_taken(
     assert [report.episode for report in resume(again, toy_world, toy_controller)] == [1, 2]
     list(resume(whole, toy_world, toy_controller))
     assert again.trainer.policy_file().encode() == whole.trainer.policy_file().encode()
-
-
-def test_a_kill_between_two_checkpoints_goes_on_from_the_one_before(
-    tmp_path: Path, toy_world: Any, toy_controller: Any
-) -> None:
-    list(itertools.islice(resume(Checkpoint(tmp_path, Trainer(PARAMETERS)), toy_world, toy_controller), 2))
-    (tmp_path / CHECKPOINT).unlink()
-    assert Checkpoint(tmp_path, Trainer(PARAMETERS)).trainer.episode == 1
 
 
 def test_without_a_sound_checkpoint_nothing_is_taken(tmp_path: Path, toy_world: Any, toy_controller: Any) -> None:

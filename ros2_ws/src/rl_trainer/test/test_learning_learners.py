@@ -1,10 +1,8 @@
 """The learners find errors that are known in closed form, from measured transitions alone."""
 
-import ast
 import copy
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,18 +12,15 @@ from rl_cbf_clf_controller.policy import ActorPolicy
 from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.uncertainty import IO_RL_CLF_QP, RL_CBF_CLF_QP, RL_CLF_QP
 from rl_trainer import paper_ddpg
-from rl_trainer.actor import Actor
 from rl_trainer.ddpg import Ddpg
-from rl_trainer.learner import Learner
 from rl_trainer.paper_ddpg import PaperDdpg
 from rl_trainer.parameters import TrainingParameters, paper_literal
-from rl_trainer.replay import Batch, as_batch
-from rl_trainer.training import Trainer, make_learner
+from rl_trainer.replay import as_batch
+from rl_trainer.training import Trainer
 from rl_trainer.transitions import Transition
 
 MakeTransition = Callable[..., Transition]
 SMALL = {"hidden1": 96, "hidden2": 64, "batch": 128, "actor_rate": 2e-3, "critic_rate": 2e-3, "polyak": 5e-3}
-EXAMPLE = Path(__file__).resolve().parents[4] / "examples" / "own_learner.py"
 DDPG, REGRESSION = {"learner": "ddpg"}, {"learner": "regression"}
 
 
@@ -155,20 +150,3 @@ def test_the_same_seed_gives_the_same_weights(random_transition: MakeTransition)
     assert versions[0] == versions[1]
     other = trained(TrainingParameters(hidden1=16, hidden2=12, seed=2), random_transition, 20)
     assert other.policy_file().version != versions[0]
-
-
-@pytest.mark.skipif(not EXAMPLE.is_file(), reason="the package is not in the project")
-def test_the_learner_of_the_docs_learns_and_is_all_in_its_state(random_transition: MakeTransition) -> None:
-    tree = ast.parse(EXAMPLE.read_text(encoding="utf-8"))  # its class alone: the rest of the file needs other packages
-    (code,) = (node for node in tree.body if isinstance(node, ast.ClassDef))
-    scope: dict[str, Any] = {each.__name__: each for each in (Learner, TrainingParameters, Actor, Batch)}
-    scope["torch"] = torch
-    exec(compile(ast.Module([code], []), EXAMPLE, "exec"), scope)
-    parameters, rng = TrainingParameters(problem=RL_CLF_QP, hidden1=48, hidden2=32), np.random.default_rng(0)
-    learner = make_learner(parameters, scope["AbsoluteErrors"])
-    batch = as_batch([random_transition(RL_CLF_QP, rng) for _ in range(64)], parameters)
-    losses = [learner.update(batch, 1.0)["absolute error"] for _ in range(300)]
-    assert losses[-1] < losses[0] / 10
-    other = make_learner(parameters, scope["AbsoluteErrors"])
-    other.load_state_dict(copy.deepcopy(learner.state_dict()))
-    assert other.update(batch, 1.0) == learner.update(batch, 1.0)

@@ -9,7 +9,6 @@ from rl_cbf_clf_controller.policy import ActorPolicy
 from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.uncertainty import PAPER
 from rl_cbf_clf_controller.weights import decode
-from rl_trainer.actor import Actor
 from rl_trainer.ddpg import AffineCritic, RewardCritic
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.replay import as_batch
@@ -41,13 +40,6 @@ def test_actor_in_torch_and_in_numpy(problem: Problem, structured: bool, observe
         np.testing.assert_allclose(estimates.beta, beta[0], rtol=1e-3, atol=1e-2)
 
 
-def test_untrained_actor_is_nearly_the_zero_policy() -> None:
-    actor = Actor(TrainingParameters())
-    observation = actor.scaling.center + actor.scaling.scale * torch.randn(50, 15)
-    LgV = torch.randn(50, 4)
-    assert actor.unit_action(observation, LgV, actor.clf_size(LgV)).abs().max() < 0.02
-
-
 @pytest.mark.parametrize("form", [RewardCritic, AffineCritic])
 def test_reward_critic_peaks_at_its_target(form: type[RewardCritic], random_transition: MakeTransition) -> None:
     parameters, rng = TrainingParameters(), np.random.default_rng(1)
@@ -68,20 +60,3 @@ def test_affine_critic_is_affine_in_mu(random_transition: MakeTransition) -> Non
     here, there, between = (critic.target(batch, seen, batch.mu + k * step) for k in (0, 1, 0.5))
     assert torch.allclose(between, (here + there) / 2, atol=1e-4)
     assert not torch.allclose(here, there, atol=1e-3)
-
-
-@pytest.mark.parametrize("structured", [True, False])
-def test_full_decay_leaves_alphas_that_do_not_vary(structured: bool) -> None:
-    """All of the share taken off: every alpha over |LgV| is the same at every state, and the betas are as they were."""
-    actor = Actor(TrainingParameters(structured=structured))
-    with torch.no_grad():
-        for parameter in actor.parameters():
-            parameter.add_(0.05 * torch.randn_like(parameter))
-    observation = actor.scaling.center + actor.scaling.scale * torch.randn(20, 15)
-    LgV = torch.ones(20, 4)
-    alpha, beta = actor(observation, LgV)
-    actor.steady_alphas(1.0)
-    steady, same = actor(observation, LgV)
-    assert alpha.std(0).max() > 1e-3
-    assert steady.std(0).max() < 1e-5
-    assert torch.equal(beta, same)

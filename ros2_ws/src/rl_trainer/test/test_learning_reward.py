@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import torch
 from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.uncertainty import PAPER, RL_CBF_CLF_QP, RL_CLF_QP
 from rl_trainer.parameters import TrainingParameters, paper_literal
@@ -62,25 +61,6 @@ def test_replay_drops_the_oldest(random_transition: MakeTransition) -> None:
     kept = {round(float(x), 4) for x in replay.sample().mu[:, 0]}
     assert kept == {round(float(np.float32(t.mu[0])), 4) for t in transitions[3:]}
     assert (len(replay), replay.added) == (5, 8)
-
-
-def test_replay_goes_on_from_its_state(random_transition: MakeTransition) -> None:
-    parameters, rng = TrainingParameters(capacity=50), np.random.default_rng(4)
-    first, second = Replay(parameters), Replay(parameters)
-    for _ in range(20):
-        first.add(random_transition(parameters.problem, rng))
-    first.sample()
-    second.load_state_dict(first.state_dict())
-    assert torch.equal(first.sample().target, second.sample().target)
-
-
-def test_batch_of_transitions(random_transition: MakeTransition) -> None:
-    parameters, rng = TrainingParameters(observe_l_min=False), np.random.default_rng(5)
-    transitions = [random_transition(parameters.problem, rng) for _ in range(3)]
-    batch = as_batch(transitions, parameters)
-    assert batch.observation.shape == (3, 14)
-    np.testing.assert_allclose(batch.target * batch.unit, [t.target for t in transitions], rtol=1e-5)
-    np.testing.assert_allclose(batch.reward, [reward_terms(t, parameters)[0] for t in transitions], rtol=1e-5)
 
 
 def test_only_the_literal_learner_keeps_failures(random_transition: MakeTransition) -> None:

@@ -1,32 +1,19 @@
 """The episode loop in a tiny world: resuming, checkpoints, what the folder holds."""
 
 import csv
-import errno
 import itertools
-import os
-import threading
-import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 import torch
-from rabbit_description.state import RobotState
-from rl_cbf_clf_controller.controller_output import ControllerOutput
-from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_cbf_clf_controller.uncertainty import RL_CLF_QP
 from rl_cbf_clf_controller.weights import read
 from rl_trainer.checkpoint import CHECKPOINT, Checkpoint, CheckpointError
 from rl_trainer.curve import CURVE, scalars
 from rl_trainer.parameters import TrainingParameters
-from rl_trainer.rollout import Record, rollout
 from rl_trainer.session import resume
 from rl_trainer.training import DivergenceError, Provenance, Trainer
-from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
-from tensorboard.summary.writer.record_writer import RecordWriter
-from torch.utils.tensorboard import SummaryWriter
 
 PARAMETERS = TrainingParameters(
     problem=RL_CLF_QP, episodes=4, nominal_episodes=1, batch=16, updates_least=10, hidden1=16, hidden2=12
@@ -57,63 +44,6 @@ def test_a_killed_run_resumes_with_nothing_lost(tmp_path: Path, toy_world: Any, 
     assert not list(resume(Checkpoint(tmp_path / "cut", Trainer(PARAMETERS)), toy_world, toy_controller))
 
 
-def test_a_kill_after_a_checkpoint_loses_no_report(
-    tmp_path: Path, toy_world: Any, toy_controller: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    cut = Checkpoint(tmp_path, Trainer(PARAMETERS))
-    reports = resume(cut, toy_world, toy_controller)
-    next(reports)
-    with monkeypatch.context() as patch:
-        patch.setattr(SummaryWriter, "add_scalar", stopped)
-        with pytest.raises(KeyboardInterrupt):
-            next(reports)
-    wait_for_a_later_file(tmp_path / "tensorboard")
-    again = Checkpoint(tmp_path, Trainer(PARAMETERS))
-    assert [report.episode for report in resume(again, toy_world, toy_controller)] == [2, 3]
-    assert [report.episode for report in again.trainer.reports] == [0, 1, 2, 3]
-    assert logged(tmp_path) == [0, 1, 2, 3]
-
-
-def test_a_full_disk_is_told_once(
-    tmp_path: Path, toy_world: Any, toy_controller: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """And not by TensorBoard's own thread, with a traceback."""
-    monkeypatch.setattr(RecordWriter, "write", full)
-    told: list[Any] = []
-    monkeypatch.setattr(threading, "excepthook", told.append)
-    with pytest.raises(OSError, match="No space"):
-        list(resume(Checkpoint(tmp_path, Trainer(PARAMETERS)), toy_world, toy_controller))
-    assert not told
-    assert threading.excepthook == told.append
-
-
-def full(*_: object) -> None:
-    """As a full disk."""
-    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-
-def wait_for_a_later_file(folder: Path) -> None:
-    """TensorBoard reads its files in the order of their names: by second, then by how many this process has begun.
-
-    As words: after the ninth of a second comes the tenth first. A command that is called again takes longer.
-    """
-    (file,) = folder.iterdir()
-    while int(time.time()) <= int(file.name.split(".")[3]):
-        time.sleep(0.01)
-
-
-def stopped(*_: object) -> None:
-    """As by a signal."""
-    raise KeyboardInterrupt
-
-
-def logged(folder: Path) -> list[int]:
-    """The episodes that TensorBoard shows."""
-    events = EventAccumulator(str(folder / "tensorboard"))
-    events.Reload()
-    return [event.step for event in events.Scalars("episode/steps")]
-
-
 def test_learning_that_diverges_keeps_the_checkpoint(tmp_path: Path, toy_world: Any, toy_controller: Any) -> None:
     trainer = Trainer(PARAMETERS)
     reports = resume(Checkpoint(tmp_path, trainer), toy_world, toy_controller)
@@ -126,12 +56,6 @@ def test_learning_that_diverges_keeps_the_checkpoint(tmp_path: Path, toy_world: 
         next(reports)
     assert (tmp_path / CHECKPOINT).read_bytes() == kept
     assert Checkpoint(tmp_path, Trainer(PARAMETERS)).trainer.episode == 1
-
-
-def test_a_finished_run_goes_on_to_more_episodes(tmp_path: Path, toy_world: Any, toy_controller: Any) -> None:
-    list(resume(Checkpoint(tmp_path, Trainer(PARAMETERS)), toy_world, toy_controller))
-    longer = Trainer(PARAMETERS.model_copy(update={"episodes": 5}))
-    assert [report.episode for report in resume(Checkpoint(tmp_path, longer), toy_world, toy_controller)] == [4]
 
 
 def test_a_checkpoint_of_other_parameters_is_refused(tmp_path: Path, toy_world: Any, toy_controller: Any) -> None:
@@ -154,16 +78,6 @@ def test_the_folder_holds_a_policy_an_episode(tmp_path: Path, toy_world: Any, to
     assert any((tmp_path / "tensorboard").iterdir())
 
 
-def test_reports(tmp_path: Path, toy_world: Any, toy_controller: Any) -> None:
-    first, *others = resume(Checkpoint(tmp_path, Trainer(PARAMETERS)), toy_world, toy_controller)
-    assert first.nominal
-    assert not any(report.nominal for report in others)
-    assert first.ticks == toy_world.ticks  # the last transition is not measured
-    assert first.kept == toy_world.ticks - 1
-    names = {"reward/V", "reward/failure", "losses/actor", "episode/steps", "left_out/settling"}
-    assert set(scalars(first)) >= names
-
-
 def test_schedule_depends_on_seed_and_episode_alone() -> None:
     first, second = Trainer(PARAMETERS), Trainer(PARAMETERS)
     for _ in range(3):
@@ -174,21 +88,3 @@ def test_schedule_depends_on_seed_and_episode_alone() -> None:
     assert a.sigma in {PARAMETERS.sigma * factor for factor in PARAMETERS.sigma_factors}
     second.episode = 8
     assert second.begin_episode().seed != a.seed
-
-
-def test_rollout_shows_each_tick_once_in_order(toy_world: Any, toy_controller: Any) -> None:
-    records: list[Record] = []
-    last = rollout(toy_world, toy_controller(ZeroPolicy(RL_CLF_QP), 0.0), 3, records.append)
-    assert [record.state.tick for record in records] == list(range(toy_world.ticks))
-    assert (last.tick, last.running) == (toy_world.ticks, False)
-
-
-def test_a_fault_ends_the_rollout(toy_world: Any, tick: Callable[..., tuple[RobotState, ControllerOutput]]) -> None:
-    class Faulty:
-        def reset(self, seed: int) -> None:
-            pass
-
-        def step(self, state: RobotState) -> ControllerOutput:
-            return tick(state.tick, output={"fault": "lost" if state.tick == 5 else "", "torque": np.zeros(4)})[1]
-
-    assert rollout(toy_world, Faulty(), 1).tick == 5

@@ -1,7 +1,6 @@
 """A training that goes on from a policy."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -36,22 +35,6 @@ def test_it_begins_with_the_policys_weights(problem: Problem, learner: str) -> N
     mine = trainer.policy_file()
     for name, array in given.arrays.items():
         np.testing.assert_allclose(mine.arrays[name], array, atol=1e-6 if name == PROBE else 0)
-
-
-def test_counts_go_on_and_all_else_begins_as_from_scratch() -> None:
-    parameters = TrainingParameters(**SMALL)
-    given = policy(parameters)
-    given = replace(given, metadata=given.metadata.model_copy(update={"episodes": 16, "transitions": 4000}))
-    scratch, trainer = Trainer(parameters).learner.state_dict(), Trainer(parameters)
-    trainer.start_from(given)
-    assert (trainer.episode, trainer.transitions, trainer.policy_file().metadata.transitions) == (16, 4000, 4000)
-    assert trainer.rate == 0.5 ** (4000 / parameters.rate_half_life)
-    begun = trainer.learner.state_dict()
-    assert all(torch.equal(value, scratch["_critic"][name]) for name, value in begun["_critic"].items())
-    assert all(torch.equal(value, begun["acting"][name]) for name, value in begun["actor"].items())
-    assert begun["_updates"] == 0
-    assert not begun["_critic_optimizer"]["state"]
-    assert not begun["_optimizer"]["state"]
 
 
 def test_the_policy_stays_until_the_critic_has_learned(

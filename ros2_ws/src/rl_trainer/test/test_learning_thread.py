@@ -66,13 +66,3 @@ def test_the_transition_into_a_failure_is_told(toy_world: Any, toy_controller: A
     assert [t.failed for t, _ in heard.transitions] == [False] * (toy_world.ticks - 1) + [True]
     assert heard.reports[0].failed
     assert heard.reports[0].ticks == toy_world.ticks
-
-
-def test_nothing_beyond_doubt_is_left_out(toy_world: Any, toy_controller: Any) -> None:
-    heard, toy_world.ticks = Heard(), 50 * STEP
-    learning = LearningThread(Trainer(PARAMETERS), heard)
-    learning.start()
-    walk(learning, 1, toy_world, toy_controller)
-    wait_for(lambda: len(heard.plans) == 2)
-    learning.close()
-    assert learning.trainer.replay.added == sum(not t.doubt for t, _ in heard.transitions)

@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_cbf_clf_controller.uncertainty import RL_CLF_QP
-from rl_trainer.checkpoint import Checkpoint, CheckpointError, journal_path, read_journal
+from rl_trainer.checkpoint import journal_path, read_journal
 from rl_trainer.learning_thread import LearningThread
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.rollout import Record, rollout
@@ -79,17 +78,6 @@ def test_what_was_told_in_a_broken_episode_is_learned_from(tmp_path: Path, toy_w
     assert again.trainer.replay.added == sum(again.trainer.replay.accepts(each) for each in told.transitions) > 0
 
 
-def test_after_an_episode_all_is_in_the_checkpoint(tmp_path: Path, toy_world: Any, toy_controller: Any) -> None:
-    told = Told()
-    learning = begun(tmp_path, told)
-    walk(learning, toy_world, toy_controller, 1, ends=True)
-    assert not list(tmp_path.glob("journal-*"))
-    again = begun(tmp_path, Told())
-    assert again.trainer.taken == len(told.transitions)
-    assert again.trainer.replay.added == learning.trainer.replay.added
-    assert again.trainer.policy_file().version == learning.trainer.policy_file().version
-
-
 def test_a_kill_between_checkpoint_and_journal_doubles_nothing(
     tmp_path: Path, toy_world: Any, toy_controller: Any
 ) -> None:
@@ -103,12 +91,6 @@ def test_a_kill_between_checkpoint_and_journal_doubles_nothing(
     again = begun(tmp_path, Told())
     assert again.trainer.taken == len(told.transitions)
     assert not journal_path(tmp_path, 0).exists()
-
-
-def test_a_journal_of_other_parameters_is_refused(tmp_path: Path, toy_world: Any, toy_controller: Any) -> None:
-    walk(begun(tmp_path, Told()), toy_world, toy_controller, 1, ends=False)
-    with pytest.raises(CheckpointError, match="made with other parameters"):
-        Checkpoint(tmp_path, Trainer(PARAMETERS.model_copy(update={"seed": 7}))).begin()
 
 
 def take_until_full(folder: Path, transition: Transition, result: Any) -> None:

@@ -57,46 +57,6 @@ def test_a_lost_message_costs_its_tick_alone(part: str, tick: int) -> None:
     assert walk.lost == 1
 
 
-def test_a_refused_message_is_a_lost_one() -> None:
-    walk = TickSynchronizer(PARTS)
-    for tick in range(3):
-        for part in PARTS:
-            walk.add(part, 1, tick, None if (part, tick) == ("details", 1) else "good")
-    walk.add("state", 1, 3, "last")
-    events = walk.end(1, 3, acted=False)
-    assert events == [(1, End("last"))]
-    assert walk.lost == 1
-
-
-def test_a_fault_is_a_tick_with_an_answer() -> None:
-    walk, out = TickSynchronizer(PARTS), []
-    for tick in range(2):
-        for part in PARTS:
-            out += walk.add(part, 1, tick, (part, tick))
-    out += walk.end(1, 1, acted=True)
-    assert [event.tick for _, event in out if isinstance(event, Tick)] == [0, 1]
-    assert out[-1] == (1, End(("state", 1)))
-
-
-def test_what_comes_after_the_end_is_ignored() -> None:
-    walk = TickSynchronizer(PARTS, done=3)
-    assert walk.add("state", 3, 0, "old") == []
-    assert walk.end(3, 0, acted=False) == []
-    assert not walk.is_held_up
-
-
-def test_a_jump_is_as_fast_as_it_is_long() -> None:
-    """A tick that is far ahead costs no more than one that is near."""
-    walk = TickSynchronizer(PARTS)
-    for part in PARTS:
-        walk.add(part, 1, 0, part)
-        walk.add(part, 1, 10**9, part)
-    events = walk.end(1, 10**9, acted=False)
-    assert [event.tick for _, event in events if isinstance(event, Tick)] == []
-    assert walk.lost == 10**9 - 1
-    assert walk.done == 1
-
-
 def test_each_message_is_judged_by_its_turn() -> None:
     walk = TickSynchronizer(PARTS, done=3, announced=4)
     walk.add("state", 4, 0, "first")
@@ -114,21 +74,3 @@ def test_who_joins_in_the_middle_has_lost_nothing() -> None:
             out += walk.add(part, 1, tick, (part, tick))
     assert [event.tick for _, event in out if isinstance(event, Tick)] == [40, 41]
     assert walk.lost == 0
-
-
-def test_a_later_announcement_gives_up_an_episode_whose_end_was_not_heard() -> None:
-    walk = TickSynchronizer(PARTS, done=0, announced=1)
-    for part in PARTS:
-        walk.add(part, 1, 0, part)
-    assert not walk.is_held_up
-    walk.announced = 2
-    assert walk.is_held_up
-    assert isinstance(walk.give_up()[-1][1], End)
-    assert (walk.done, walk.is_held_up) == (1, False)
-
-
-def test_a_new_simulator_counts_from_one_again() -> None:
-    walk = TickSynchronizer(PARTS, done=6, announced=7)
-    walk.add("state", 7, 0, "old")
-    assert isinstance(walk.restart()[-1][1], End)
-    assert walk.judge("state", 1, 0) == "good"
