@@ -6,6 +6,7 @@ import pytest
 from own_cart import CART
 from own_systems import TaskError
 from own_systems.commands.system import app
+from rabbit_bringup.cli import app as rabbit
 from rabbit_description.task_source import load_task
 from rl_trainer.task_episode import Rider
 from rl_trainer.task_training import train
@@ -50,3 +51,17 @@ def test_a_barrier_of_degree_4_is_kept_by_the_oracle_and_nothing_is_learned_of_i
     assert 0 <= oracle.margins[0] < 0.005  # it comes near
     with pytest.raises(ValueError, match="one difference measures relative degrees 1 and 2 only"):
         train(task, 1)
+
+
+def test_task_is_an_option_of_what_evaluates_rabbit_too(tmp_path: Path) -> None:
+    words = ["--runs", "1", "--seed", "3", "--out"]
+    ways = {"option": ["evaluate", *words, str(tmp_path / "option"), "--task", str(BALL)]}
+    ways["equals"] = ["evaluate", f"--task={BALL}", *words, str(tmp_path / "equals")]
+    ways["system"] = ["system", "evaluate", str(BALL), *words, str(tmp_path / "system")]
+    for way in ways.values():
+        result = CliRunner().invoke(rabbit, way)
+        assert result.exit_code == 0, result.output
+    tables = {(tmp_path / name / "runs.csv").read_text() for name in ways}
+    assert len(tables) == 1
+    missing = CliRunner().invoke(rabbit, ["evaluate", "--task"])
+    assert (missing.exit_code, "expected a file" in missing.output) == (2, True)

@@ -31,6 +31,7 @@ ORDER = (
     *("gait", "train", "scales", "policy", "export", "estimates", "estimator", "rival", "residual"),
     *("bench", "jitter", "soak", "bag", "video"),
 )
+OF_TASKS = ("evaluate", "train", "play")  # which take a `--task`
 # what `pip install` leaves out unless asked: who only walks needs none of it
 EXTRAS = {"torch": "rl_trainer[learn]", "imageio_ffmpeg": "rabbit_viewer[film]"}
 
@@ -79,6 +80,18 @@ def _replace_default(number: int, default: Any, handler: Any) -> None:
         signal.signal(number, handler)
 
 
+def of_task(args: list[str]) -> list[str]:
+    """`evaluate --task FILE ...` as `system evaluate FILE ...`, which knows tasks; other words stay."""
+    at = next((i for i, word in enumerate(args) if word.partition("=")[0] == "--task"), 0)
+    if not at or args[0] not in OF_TASKS:
+        return args
+    _, has_value, task = args[at].partition("=")
+    rest = args[at + 1 :] if has_value else args[at + 2 :]
+    if not has_value:
+        task = args[at + 1] if at + 1 < len(args) else _fail("--task: expected a file, or the name of a task")
+    return ["system", args[0], task, *args[1:at], *rest]
+
+
 class LazyGroup(TyperGroup):
     """Knows its commands by name and help, see `commands` and `summary`."""
 
@@ -99,7 +112,7 @@ class LazyGroup(TyperGroup):
 
             near = nearest(args[0], commands())
             _fail(f"no command {args[0]}{f': did you mean {near}?' if near else '; rabbit --help lists them'}")
-        name, _, rest = super().resolve_command(ctx, args)
+        name, _, rest = super().resolve_command(ctx, of_task(args))
         entry = commands()[str(name)]
         if source(entry) is None:
             _fail(f"{name} cannot be called: there is no module {entry.module}")

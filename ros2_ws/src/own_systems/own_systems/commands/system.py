@@ -1,4 +1,4 @@
-"""A control task of your own: evaluate, train, ride, play, check."""
+"""A control task of your own: ride, check; also `rabbit evaluate`, `train`, `play --task TASK`."""
 
 import csv
 import json
@@ -33,7 +33,9 @@ Seed = Annotated[int, typer.Option(help="seed of starts, commands and weights", 
 def evaluate(
     task: Task,
     controller: Annotated[str, typer.Option(help="names, or policy files", metavar="NAME,...")] = "nominal,oracle",
-    rides: Annotated[int, typer.Option(help="rides of each controller, the same for all", min=1, max=100_000)] = 10,
+    rides: Annotated[
+        int, typer.Option("--rides", "--runs", help="rides of each controller, the same for all", min=1, max=100_000)
+    ] = 10,
     seed: Seed = 1,
     out: Annotated[Path | None, typer.Option(help="folder for runs.csv, summary.json, margins.png")] = None,
 ) -> None:
