@@ -32,6 +32,7 @@ ORDER = (
     *("bench", "jitter", "soak", "bag", "video"),
 )
 OF_TASKS = ("evaluate", "train", "play")  # which take a `--task`
+ABOUT_TASK = "a control task of your own in place of RABBIT, with other options: --task TASK --help"
 # what `pip install` leaves out unless asked: who only walks needs none of it
 EXTRAS = {"torch": "rl_trainer[learn]", "imageio_ffmpeg": "rabbit_viewer[film]"}
 
@@ -65,7 +66,22 @@ def loaded(command: EntryPoint) -> Any:
     """The command itself, whose module is imported."""
     from rabbit_common.options import in_one_form  # which takes a while
 
-    return in_one_form(typer.main.get_command(command.load()))
+    found = typer.main.get_command(command.load())
+    if command.name in OF_TASKS:
+        found.params.append(task_option())
+    return in_one_form(found)
+
+
+def task_option() -> Any:
+    """`--task` for a help text: `of_task` takes it before a command gets to see it."""
+    shown = typer.Typer(add_completion=False)
+
+    @shown.command()
+    def _(task: Annotated[str, typer.Option(help=ABOUT_TASK, metavar="TASK")] = "") -> None: ...
+
+    option = typer.main.get_command(shown).params[0]
+    option.expose_value = False
+    return option
 
 
 def _fail(text: str) -> NoReturn:
