@@ -11,7 +11,8 @@ from rabbit_description.state import Array
 from rabbit_experiments.assembly import make_simulation
 from rabbit_sim.batch_simulation import BatchSimulation
 from rabbit_sim.simulation import Outcome, Simulation
-from rl_cbf_clf_controller.batch_controller import BatchController, BatchScene
+from rl_cbf_clf_controller.batch_controller import BatchController
+from rl_cbf_clf_controller.batch_output import BatchScene
 from rl_cbf_clf_controller.controller import Controller
 
 from rabbit_residual.plants import described, draw_plant, ranges

@@ -21,7 +21,8 @@ from rabbit_residual.fleet import KNOWN, Command, Fleet
 from rabbit_residual.ppo import Ppo, PpoParameters
 from rabbit_residual.sac import Sac, SacParameters
 from rabbit_sim.simulation import Simulation
-from rl_cbf_clf_controller.batch_controller import BatchController, BatchScene
+from rl_cbf_clf_controller.batch_controller import BatchController
+from rl_cbf_clf_controller.batch_output import BatchScene
 from rl_cbf_clf_controller.controller import Controller
 
 from rabbit_rivals.dagger import Dagger, DaggerParameters

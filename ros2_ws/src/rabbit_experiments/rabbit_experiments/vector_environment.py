@@ -29,8 +29,9 @@ from rabbit_description.state import Array
 from rabbit_sim.batch_simulation import BatchSimulation
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Simulation
-from rl_cbf_clf_controller.batch_controller import BatchController, BatchScene
+from rl_cbf_clf_controller.batch_controller import BatchController
 from rl_cbf_clf_controller.batch_functions import BatchFunction
+from rl_cbf_clf_controller.batch_output import BatchScene
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.controller_output import seen_fields
 from rl_cbf_clf_controller.parameters import ControllerParameters

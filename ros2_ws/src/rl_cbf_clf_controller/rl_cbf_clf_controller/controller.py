@@ -15,7 +15,8 @@ from cbf_clf_qp.functions import Values
 from rabbit_description.gait import Gaits
 from rabbit_description.state import DOF, JOINTS, RobotState, StonePreview
 
-from rl_cbf_clf_controller.batch_controller import BatchController, BatchOutput, BatchScene
+from rl_cbf_clf_controller.batch_controller import BatchController
+from rl_cbf_clf_controller.batch_output import BatchOutput, BatchScene
 from rl_cbf_clf_controller.controller_output import Acted, ControllerOutput
 from rl_cbf_clf_controller.controller_parts import ControllerParts, Further, nothing_further
 from rl_cbf_clf_controller.network import NETWORK

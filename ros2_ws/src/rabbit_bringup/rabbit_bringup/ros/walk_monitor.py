@@ -127,7 +127,8 @@ class WalkMonitor(GraphClient):
         if message.phase == Episode.RUNNING and message.tick == 0:
             self._began = time.monotonic()
         if message.phase == Episode.ENDED and message.episode in self.ended:
-            self._complaint = message.reason
+            if message.reason != self.ended[message.episode].reason:  # else it was told again
+                self._complaint = message.reason
         elif message.phase == Episode.ENDED:
             self.seconds += time.monotonic() - self._began
             self.ended[message.episode] = message

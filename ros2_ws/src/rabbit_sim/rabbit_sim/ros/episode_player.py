@@ -74,6 +74,7 @@ class EpisodePlayer:
         if self.topics.is_lab:
             self.clock_ticks += 1  # what the sensors say is matched by its stamp: each tick has one of its own
         self.torque = None
+        self.wait.begin()
         self.stand_in.begin()
         self.admission.begin()
         self.state = state = self.simulation.reset(seed)

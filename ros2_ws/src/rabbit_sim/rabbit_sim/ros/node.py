@@ -189,6 +189,8 @@ class SimulatorNode(CheckedNode):
         if not self._is_planned():
             if self._player.wait.seconds > self._own.trainer_timeout:
                 self._player.give_up(f"the trainer has planned nothing in {self._own.trainer_timeout:g} s")
+            elif self._player.wait.is_reminder_due():  # it may not have heard the end
+                self._player.announce(self._player.episode.phase)
         elif self._own.trainer in ("follow", "auto") and (plan := self._next_plan) is not None:
             self._player.begin(plan.seed, plan.sigma, plan.policy_version)
         else:

@@ -1,0 +1,185 @@
+"""What a tick of N robots has seen and decided; of each robot as if it had been alone."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from cbf_clf_qp.answer import Decided
+from cbf_clf_qp.estimates import Estimates
+from cbf_clf_qp.qp import ROUNDING as AT_BOUND
+from rabbit_description.state import Array, Leg
+
+from rl_cbf_clf_controller.controller_output import Acted, ControllerOutput
+from rl_cbf_clf_controller.controller_parts import ControllerParts
+from rl_cbf_clf_controller.policy import Policy
+from rl_cbf_clf_controller.scene import ControllerError, Scene
+from rl_cbf_clf_controller.step import DISAGREEMENT, UNSOLVED
+
+LEGS = tuple(Leg)
+
+
+@dataclass
+class BatchScene(Scene):
+    """What is seen of N robots.
+
+    `errors`: why the controller refuses a robot's state, `faults`: why its episode must end, both by its number.
+    """
+
+    errors: dict[int, str]
+    faults: dict[int, str]
+
+
+@contextmanager
+def refusing(errors: dict[int, str], i: int) -> Iterator[None]:
+    """What a controller of its own would raise becomes the first error of robot `i`; the others go on."""
+    try:
+        yield
+    except (ControllerError, np.linalg.LinAlgError) as error:
+        errors.setdefault(i, f"controller error: {error}")
+
+
+class BatchOutput:
+    """What a tick decides, a row a robot; see `ControllerOutput`. `torque` (N, 4): left/right order, saturated, N m.
+
+    `errors`: why the controller refuses a robot's state, `faults`: why its episode must end, both by its number;
+    `omega` (N, 4): the noise; `parts`: the estimates of each estimator, None: those of the identified robot, if any.
+    """
+
+    def __init__(
+        self,
+        one: ControllerParts,
+        report: Array,
+        policies: list[Policy],
+        omega: Array,
+        answered: tuple[list[str], list[str], float],
+        errors: dict[int, str],
+        is_sound: bool,
+        parts: list[Estimates] | None = None,
+    ) -> None:
+        self._one, self._report, self._policies, self.omega = one, report, policies, omega
+        self._answered, self.errors, self._parts = answered, errors, parts
+        self.torque = report[:, one.places["command"]]
+        self.faults = {} if is_sound else self._faults()
+
+    def __getitem__(self, i: int) -> ControllerOutput:
+        """Of robot `i`."""
+        one, row = self._one, self._report[i]
+        at, parameters = one.output_places, one.parameters
+        arrays = {name: row[place] for name, place in at.arrays.items()}
+        if self._parts is None and one.functions.identifies:
+            arrays |= {name: row[place] for name, place in at.identified.items()}
+            arrays["alpha"] = arrays["alpha"].reshape(at.alpha)
+        else:
+            of_all = self.estimates
+            arrays |= {"alpha": of_all.alpha[i], "beta": of_all.beta[i]}
+            if one.functions.identifies:
+                arrays |= {name: row[at.identified[name]] for name in ("identified", "adapted")}
+        arrays["nominal_a"] = arrays["nominal_a"].reshape(at.alpha)
+        solver, status, seconds = self._answered
+        layout, margins = one.qp.layout, row[at.margin].tolist()
+        tick, index, stance, step_time, phase, V, solved, clf_slack, rescue_slack = row[at.scalars].tolist()
+        return ControllerOutput(
+            **arrays,
+            **vars(self.act(i)),
+            tick=int(tick),
+            stance=LEGS[int(stance)],
+            step_index=int(index),
+            step_time=step_time,
+            phase=phase,
+            V=V,
+            barrier_names=one.barrier_names,
+            quantities=one.qp.names,
+            clf_slack=clf_slack,
+            rescue_slack=rescue_slack,
+            active=tuple(name for name, margin in zip(layout.names, margins, strict=True) if margin < AT_BOUND),
+            rows=layout.names,
+            solver=solver[i],
+            status=status[i],
+            answered=solved > 0 and solver[i] == parameters.qp_solver,
+            solve_seconds=seconds,
+            objective=parameters.objective,
+            adaptation=parameters.adaptation,
+        )
+
+    def act(self, i: int) -> Acted:
+        """What acts on robot `i`."""
+        row, at = self._report[i], self._one.acted_at
+        mu, mu_qp, saturated = row[at[0]], row[at[1]], row.item(at[2]) > 0
+        fault = self.faults.get(i, "")
+        return Acted(self.torque[i], mu, mu_qp, self.omega[i], saturated, self._policies[i].version, fault)
+
+    @cached_property
+    def scene(self) -> BatchScene:
+        """What was seen."""
+        return scene_of(self._one, self._report, self.errors)
+
+    @cached_property
+    def decided(self) -> Decided:
+        """The answers to the QPs."""
+        answer, solved = self._one.functions.answer.values(self._part("answer")), self._part("solved")[:, 0] > 0
+        return Decided(answer, self._one.qp.layout, solved, *self._answered)
+
+    @cached_property
+    def parts(self) -> list[Estimates]:
+        """Estimates of the policy, of the identified robot, of the controller's own estimators."""
+        return self._parts or estimated(self._one, self._report)
+
+    @cached_property
+    def estimates(self) -> Estimates:
+        """In all."""
+        first, *others = self.parts
+        return sum(others, first)
+
+    def _part(self, name: str) -> Array:
+        return self._report[:, self._one.places[name]]
+
+    def _faults(self) -> dict[int, str]:
+        found = dict[int, str]()
+        for i in self._part("fault")[:, 0].nonzero()[0].tolist():
+            kind = int(self._part("fault")[i, 0])
+            if i in self.errors:
+                continue
+            if kind == DISAGREEMENT:
+                touchdowns, steps = (self._part(name)[i].item() for name in ("touchdowns", "index"))
+                found[i] = f"contact disagreement: {touchdowns:g} touchdowns, {steps:g} steps"
+            elif kind == UNSOLVED:
+                found[i] = f"no solver answered: {self._answered[1][i]}"
+            else:
+                found[i] = f"torque not finite: {self._part('wanted')[i].tolist()} N m"
+        return found
+
+
+def estimated(one: ControllerParts, report: Array) -> list[Estimates]:
+    """Of no policy; then of the identified robots, where there are such."""
+    none = one.qp.no_error()
+    n, alpha, error = len(report), none.alpha.shape, one.functions.estimates["output_error"]
+    shapes = (n, *alpha), (n, alpha[0]), (n, alpha[1], error // alpha[1])
+    parts = [Estimates(*(np.zeros(shape) for shape in shapes))]
+    if one.functions.identifies:
+        found = (report[:, one.places[f"identified_{name}"]] for name in ("alpha", "beta", "output_error"))
+        parts.append(Estimates(*(each.reshape(shape) for each, shape in zip(found, shapes, strict=True))))
+    return parts
+
+
+def scene_of(one: ControllerParts, rows: Array, errors: dict[int, str]) -> BatchScene:
+    """Of rows that begin with those of a scene."""
+    part = {name: rows[:, place] for name, (place, _) in one.functions.scene.places.items()}
+    index, seen = part["index"][:, 0].astype(int), one.functions.seen.values(part["seen"])
+    touchdowns = part["touchdowns"][:, 0]
+    wrong = [i for i in (touchdowns != index).nonzero()[0].tolist() if i not in errors]
+    return BatchScene(
+        x=part["x"],
+        seen=seen,
+        force=part["force"].reshape(-1, 2, 2),
+        observation=seen.observation[:, : one.observed],
+        tick=part["tick"][:, 0].astype(int),
+        torque=part["torque"],
+        stance=part["stance"][:, 0].astype(int),
+        step_index=index,
+        step_time=part["step_time"][:, 0],
+        model_error=one.model_error,
+        errors=errors,
+        faults={i: f"contact disagreement: {touchdowns[i]:g} touchdowns, {index[i]} steps" for i in wrong},
+    )
