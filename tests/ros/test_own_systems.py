@@ -266,6 +266,20 @@ def test_the_graph_learns_what_is_learned_in_process(world: Any, name: str) -> N
     assert read(path).version == expected.version
 
 
+def test_a_trainer_that_comes_in_mid_episode_learns_the_same_and_the_graph_goes_on(world: Any) -> None:
+    task, path = str(EXAMPLES / "segway.py"), world.folder / "policy.safetensors"
+    episodes = hear(world, msg.Episode, "episode", EVENT)
+    start(world, "controller", task=task)
+    start(world, "simulator", task=task)
+    world.wait(lambda: any((each.episode, each.phase) == (2, msg.Episode.RUNNING) for each in episodes))
+    start(world, "trainer", task=task, seed=1, episodes=2, path=str(path))
+    expected, _ = train(load_task(task), 1, episodes=2)
+    world.wait(path.exists)
+    assert read(path).version == expected.version
+    then = episodes[-1].episode + 2
+    world.wait(lambda: any((e.phase, e.episode, e.outcome) == (msg.Episode.ENDED, then, "done") for e in episodes))
+
+
 def test_a_trainer_that_was_led_astray_or_came_late_finds_the_episode_again(world: Any) -> None:
     task, episodes = str(EXAMPLES / "segway.py"), hear(world, msg.Episode, "episode", EVENT)
     path = world.folder / "policy.safetensors"

@@ -4,10 +4,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rabbit_common.ros.conversions import FEET, WORLD, foot_wrench, header
+from rabbit_common.ros.conversions import WORLD, foot_wrench, header
 from rabbit_common.ros.robot_frames import transforms
 from rabbit_description import FRAMES, URDF_PATH
-from rabbit_description.state import StonePreview
+from rabbit_description.state import FEET, StonePreview
 from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.evaluation import record_walk
 from rabbit_experiments.walk_records import WalkRecords

@@ -78,6 +78,8 @@ class TaskTrainerNode(SimulatorFollower):
         self.failure = reason
 
     def _on_state(self, message: msg.RobotState) -> None:
+        if self._is_done:
+            return
         self._check(message)
         if message.running:
             applied = array_of(message, "applied", len(self.task.names_of_u))
@@ -88,6 +90,8 @@ class TaskTrainerNode(SimulatorFollower):
         self._go_on()
 
     def _on_parameters(self, message: msg.TaskParameters) -> None:
+        if self._is_done:
+            return
         self._check(message)
         self._p[message.tick] = parameters_of(self.task, message)
         self._message_counter.accept("parameters")
@@ -101,11 +105,18 @@ class TaskTrainerNode(SimulatorFollower):
         is_over = message.phase in (msg.Episode.ENDED, msg.Episode.WAITING)
         if self._learning:
             self._after = message.episode if is_over else self._after
+        elif self._is_done:
+            pass
         elif message.phase == msg.Episode.ENDED and message.episode == self._after + 1:
-            if self._is_over or message.outcome not in ("done", "failed"):
-                self._learn()
-            self._is_over = True
-        elif is_over and not self._is_done and (message.episode != self._after or not (self._tick or self._states)):
+            is_broken = message.outcome not in ("done", "failed")
+            if self._is_over and not self._tick and not is_broken:  # it ended as this node came in
+                self._after = message.episode
+                self._listen()
+            else:
+                if self._is_over or is_broken:
+                    self._learn()
+                self._is_over = True
+        elif is_over and (message.episode != self._after or not (self._tick or self._states)):
             if message.episode != self._after:
                 self.get_logger().warning(f"expects episode {message.episode + 1} in place of {self._after + 1}")
             self._after = message.episode
@@ -113,7 +124,7 @@ class TaskTrainerNode(SimulatorFollower):
         self._message_counter.accept("episode")
 
     def _check(self, message: Any) -> None:
-        if self._learning or self._is_done:
+        if self._learning:
             raise Refused("wrong episode", f"episode {message.episode}; expected none")
         if message.episode != self._after + 1:
             raise Refused("wrong episode", f"episode {message.episode}; expected {self._after + 1}")
@@ -184,6 +195,7 @@ class TaskTrainerNode(SimulatorFollower):
         if not self._is_done:
             self._begin()
             return
+        self.destroy_publisher(self._plans)  # a simulator that follows whoever plans goes on by itself
         policy = ActorPolicy(self._trainer.policy_file())
         policy.file.write(Path(self._own.path))
         self._publish(policy)
