@@ -62,7 +62,6 @@ class TaskTrainerNode(SimulatorFollower):
         self._diagnostics = Diagnostics(self, self._message_counter, self._status)
         self._learning: Thread | None = None  # after an episode
         self._after = 0  # the simulator's episode before the planned one
-        self._is_over = False  # its end was announced
         self._states = dict[int, tuple[Array, Array, int]]()  # of ticks to come
         self._tick = 0
         self._begin()
@@ -108,14 +107,13 @@ class TaskTrainerNode(SimulatorFollower):
         elif self._is_done:
             pass
         elif message.phase == msg.Episode.ENDED and message.episode == self._after + 1:
-            is_broken = message.outcome not in ("done", "failed")
-            if self._is_over and not self._tick and not is_broken:  # it ended as this node came in
+            is_broken, nothing_came = message.outcome not in ("done", "failed"), self._over_at == self._tick
+            self._over_at = self._tick
+            if nothing_came and not self._tick and not is_broken:  # it ended as this node came in
                 self._after = message.episode
                 self._listen()
-            else:
-                if self._is_over or is_broken:
-                    self._learn()
-                self._is_over = True
+            elif nothing_came or is_broken:
+                self._learn()
         elif is_over and (message.episode != self._after or not (self._tick or self._states)):
             if message.episode != self._after:
                 self.get_logger().warning(f"expects episode {message.episode + 1} in place of {self._after + 1}")
@@ -144,7 +142,7 @@ class TaskTrainerNode(SimulatorFollower):
 
     def _listen(self) -> None:
         """Publish the plan, and expect its first tick."""
-        self._is_over = False
+        self._over_at: int = -1  # the next tick as its end was last announced
         self._states, self._p, self._tick = {}, dict[int, Array](), 0
         self._u, self._impacts = np.zeros(0), 0  # the newest input; impacts before it
         self._end = -1  # how many ticks the episode had, once that is known
