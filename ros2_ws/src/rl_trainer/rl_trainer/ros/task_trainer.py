@@ -62,6 +62,7 @@ class TaskTrainerNode(SimulatorFollower):
         self._diagnostics = Diagnostics(self, self._message_counter, self._status)
         self._learning: Thread | None = None  # after an episode
         self._after = 0  # the simulator's episode before the planned one
+        self._over_at = -1  # the next tick as its end was last announced
         self._states = dict[int, tuple[Array, Array, int]]()  # of ticks to come
         self._tick = 0
         self._begin()
@@ -142,7 +143,7 @@ class TaskTrainerNode(SimulatorFollower):
 
     def _listen(self) -> None:
         """Publish the plan, and expect its first tick."""
-        self._over_at: int = -1  # the next tick as its end was last announced
+        self._over_at = -1
         self._states, self._p, self._tick = {}, dict[int, Array](), 0
         self._u, self._impacts = np.zeros(0), 0  # the newest input; impacts before it
         self._end = -1  # how many ticks the episode had, once that is known
