@@ -26,12 +26,12 @@ PACKAGE_XML = """<package format="3">
 GRAPH = """
 source {install}/local_setup.bash
 rabbit system evaluate mine_segway --rides 1
-{nodes}/controller --ros-args -r __ns:=/outside -p task:=mine_cart_pole -p policy:=oracle & controller=$!
-{nodes}/simulator --ros-args -r __ns:=/outside -p task:=mine_cart_pole -p episodes:=1 > said 2>&1 & simulator=$!
-for _ in {{1..600}}; do grep -q "episode 1: done" said && break; sleep 0.2; done
+{controller} --ros-args -r __ns:=/outside -p task:=mine_cart_pole -p policy:=oracle & controller=$!
+{simulator} --ros-args -r __ns:=/outside -p task:=mine_cart_pole -p episodes:=1 > said 2>&1 & simulator=$!
+for _ in {{1..600}}; do grep -q "episode 1 ends, done" said && break; sleep 0.2; done
 kill $controller $simulator
 wait $controller $simulator
-grep "episode 1: done" said
+grep "episode 1 ends, done" said
 """
 
 
@@ -67,9 +67,13 @@ def test_built_by_colcon_the_nodes_run_it(package: Path, tmp_path: Path) -> None
         [
             "bash",
             "-c",
-            GRAPH.format(install=tmp_path / "install", nodes=find_executable("own_systems", "controller").parent),
+            GRAPH.format(
+                install=tmp_path / "install",
+                controller=find_executable("rl_cbf_clf_controller", "controller"),
+                simulator=find_executable("rabbit_sim", "simulator"),
+            ),
         ],
         tmp_path,
     )
     assert "oracle" in said
-    assert "episode 1: done" in said
+    assert "episode 1 ends, done" in said
