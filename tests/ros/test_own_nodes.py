@@ -6,6 +6,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -136,7 +137,7 @@ def test_a_controller_and_a_simulator_of_ones_own_are_shown_and_recorded(tmp_pat
     [
         ("none", ExitCode.NODE_DIED, "simulator: waiting for a controller"),
         ("nowhere/pd", ExitCode.NODE_DIED, "package nowhere: not in the sourced workspaces"),
-        ("rabbit_sim/pd", ExitCode.NODE_DIED, "rabbit_sim has no executable pd; it has: simulator"),
+        ("rabbit_sim/pd", ExitCode.NODE_DIED, "rabbit_sim has no executable pd; it has: robot, simulator"),
     ],
 )
 def test_a_controller_that_is_not_there_is_one_line(tmp_path: Path, controller: str, code: int, word: str) -> None:
@@ -167,6 +168,7 @@ def test_a_signal_ends_an_example_without_a_traceback(name: str, number: signal.
     process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert process.stdout
     assert process.stdout.readline() == "spins\n"
+    time.sleep(0.5)  # rclpy's first wait begins meanwhile: a signal before it is an RCLError of rclpy
     process.send_signal(number)
     said = process.communicate(timeout=60)[1]
     assert (process.returncode, said) == (0, "")
