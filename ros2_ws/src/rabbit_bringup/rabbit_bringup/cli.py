@@ -32,7 +32,7 @@ ORDER = (
     *("bench", "jitter", "soak", "bag", "video"),
 )
 OF_TASKS = ("evaluate", "train", "play")  # which take a `--task`
-ABOUT_TASK = "a control task of your own in place of RABBIT, with other options: --task TASK --help"
+TASK_HELP = "run a control task of your own instead of RABBIT; for its options: --task TASK --help"
 # what `pip install` leaves out unless asked: who only walks needs none of it
 EXTRAS = {"torch": "rl_trainer[learn]", "imageio_ffmpeg": "rabbit_viewer[film]"}
 
@@ -77,7 +77,7 @@ def task_option() -> Any:
     shown = typer.Typer(add_completion=False)
 
     @shown.command()
-    def _(task: Annotated[str, typer.Option(help=ABOUT_TASK, metavar="TASK")] = "") -> None: ...
+    def _(task: Annotated[str, typer.Option(help=TASK_HELP, metavar="TASK")] = "") -> None: ...
 
     option = typer.main.get_command(shown).params[0]
     option.expose_value = False

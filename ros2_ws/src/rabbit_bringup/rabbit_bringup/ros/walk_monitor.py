@@ -127,7 +127,7 @@ class WalkMonitor(GraphClient):
         if message.phase == Episode.RUNNING and message.tick == 0:
             self._began = time.monotonic()
         if message.phase == Episode.ENDED and message.episode in self.ended:
-            if message.reason != self.ended[message.episode].reason:  # else it was told again
+            if message.reason != self.ended[message.episode].reason:  # else the simulator repeats an end
                 self._complaint = message.reason
         elif message.phase == Episode.ENDED:
             self.seconds += time.monotonic() - self._began

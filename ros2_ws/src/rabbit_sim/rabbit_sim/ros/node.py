@@ -30,12 +30,8 @@ from rabbit_sim.simulation import Simulation
 from rabbit_sim.stones import CourseError
 from rabbit_sim.task_simulation import TaskSimulation
 
-ERRORS = (
-    GaitError,
-    CourseError,
-    RestartFileError,
-    TaskError,
-)  # of the constructor, when a file or value cannot be used
+# of the constructor, when a file or value cannot be used
+ERRORS = (GaitError, CourseError, RestartFileError, TaskError)
 
 
 class SimulatorNode(CheckedNode):

@@ -143,17 +143,25 @@ class RabbitPublishers(Publishers):
         self._previews = node.create_publisher(PreviewMessage, "preview", EVENT)
         self._landings = node.create_publisher(LandingMessage, "landing", EVENT)
         self._preview: StonePreview | None = None
-        self._landings_sent, self._force_ratio = 0, math.nan
+        self._landings_sent = 0
+        self._newest: RobotState | None = None  # state of the episode that runs
 
     @property
     def figures(self) -> dict[str, float]:
         """|F_T| / F_N of the stance foot as measured; NaN where it is not loaded."""
-        return {"force ratio": self._force_ratio}
+        if self._newest is None:
+            return {"force ratio": math.nan}
+        return {"force ratio": float(force_ratio(self._newest.foot_force[Leg.standing(self._newest.touchdowns)]))}
 
     def begin(self, e: Episode) -> None:
         """See `Publishers`."""
         self._preview, self._landings_sent = None, 0
         super().begin(e)
+
+    def end(self, e: Episode) -> None:
+        """See `Publishers`."""
+        self._newest = None
+        super().end(e)
 
     def tick(self, state: RobotState, episode: int, at: Header) -> None:
         """See `Publishers`."""
@@ -178,7 +186,7 @@ class RabbitPublishers(Publishers):
             fields = {name: getattr(landing, name) for name in ("tick", "index", "l", "l_min", "l_max", "on_stone")}
             self._landings.publish(LandingMessage(header=at, episode=episode, **fields))
         self._landings_sent = len(landings)
-        self._force_ratio = float(force_ratio(state.foot_force[Leg.standing(state.touchdowns)]))
+        self._newest = state
 
     def again(self, state: RobotState, episode: int, at: Header) -> None:
         """See `Publishers`."""

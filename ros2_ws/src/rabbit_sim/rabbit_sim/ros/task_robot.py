@@ -1,4 +1,4 @@
-"""A task's true system in place of a robot behind its drivers: it moves on by the wall clock, whoever commands it.
+"""Simulates a task's robot and its drivers: it moves by the wall clock under the newest command.
 
     commands       std_msgs/Float64MultiArray   in, the input u (m,), which holds until the next one; 0 before the first
     joint_states   sensor_msgs/JointState       out, by the names of the task's coordinates
