@@ -14,7 +14,6 @@ from rabbit_reproduce.report import CLAIMS, RUNS, Verdict, read_rows
 from rabbit_reproduce.table_lines import Found, Size
 
 PAGE = "results.md"
-BATCH = 64  # runs in MuJoCo that a process walks at once
 Row = dict[str, str]
 
 
@@ -34,7 +33,7 @@ def make(
     """
     cache = Cache(out / "cache")
     try:
-        done = run([job for each in experiments for job in each.jobs(size)], cache, jobs, batch=BATCH)
+        done = run([job for each in experiments for job in each.jobs(size)], cache, jobs)
     except KeyboardInterrupt:
         _write([each for each in experiments if all(cache.get(job) for job in each.jobs(size))], cache, size, out)
         write_page(out, names)

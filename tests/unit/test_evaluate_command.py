@@ -42,7 +42,7 @@ def rows(out: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-def test_a_batch_leaves_the_same_rows_and_needs_mujoco(tmp_path: Path) -> None:
+def test_a_batch_leaves_the_same_rows(tmp_path: Path) -> None:
     words = "--runs", 3, "--controller", "cbf-clf-qp", "--plant", "mujoco", "--qp-solver", "daqp"
     for name, batch in (("alone", 1), ("batch", 2)):
         done = evaluate(tmp_path / name, *words, "--batch", batch)
@@ -50,13 +50,9 @@ def test_a_batch_leaves_the_same_rows_and_needs_mujoco(tmp_path: Path) -> None:
     times = {"tick_ms_p50", "tick_ms_p99", "plant_ms_p50", "walk_seconds"}
     for one, other in zip(rows(tmp_path / "alone"), rows(tmp_path / "batch"), strict=True):
         assert {name for name in one if one[name] != other[name]} <= times
-    for wrong, text in (
-        (("--batch", 4), "--batch 4 with --plant pybullet: expected --plant mujoco"),
-        (("--batch", 0, "--plant", "mujoco"), "--batch"),
-    ):
-        refused = evaluate(tmp_path / "refused", *wrong)
-        assert refused.exit_code == 2
-        assert text in refused.output
+    refused = evaluate(tmp_path / "refused", "--batch", 0)
+    assert refused.exit_code == 2
+    assert "--batch" in refused.output
 
 
 def test_files_of_an_evaluation(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ from rabbit_common.own_folder import own_folder
 from rabbit_description.state import TICK_SECONDS
 from rabbit_description.tick import ABOUT_TICK
 from rabbit_description.validation import one_of
+from rabbit_experiments.conditions import ABOUT_BATCH, BATCH
 from rabbit_sim.parameters import SimulationParameters
 
 app = typer.Typer(add_completion=False)
@@ -41,9 +42,7 @@ def benchmark(
     out: Annotated[Path, typer.Option(help="folder of the results; what was stopped goes on")] = Path("runs/benchmark"),
     plant: Annotated[Literal["pybullet", "mujoco"], typer.Option(help="physics engine")] = "pybullet",
     tick_seconds: Annotated[float, typer.Option(help=ABOUT_TICK)] = TICK_SECONDS,
-    batch: Annotated[
-        int, typer.Option(min=1, max=4096, help="runs that a process walks at once (needs --plant mujoco)")
-    ] = 1,
+    batch: Annotated[int, typer.Option(min=1, max=4096, help=ABOUT_BATCH)] = BATCH,
     jobs: Annotated[int | None, typer.Option(min=1, max=4096, help="processes (default: all cores)")] = None,
     show: Annotated[bool, typer.Option("--list", help="list methods and cells, and do nothing more")] = False,
 ) -> None:
@@ -63,8 +62,6 @@ def benchmark(
         wanted = chosen([name for name in cells.split(",") if name])
     with complaints():
         tick_seconds = SimulationParameters(tick_seconds=tick_seconds).tick_seconds
-    if batch > 1 and plant != "mujoco":
-        fail(f"--batch {batch} with --plant {plant}: expected --plant mujoco")
     processes = jobs or os.cpu_count() or 1
     if show or is_bare(context):
         for each in entered:

@@ -12,10 +12,9 @@ from rabbit_description.gait import load_gaits
 from rabbit_description.state import Array
 from rl_cbf_clf_controller.batch_controller import BatchController
 from rl_cbf_clf_controller.controller import Controller
-from rl_trainer.rollout import Record
 
 from rabbit_experiments.assembly import Assembly, make_simulation
-from rabbit_experiments.metrics import RunResult, RunTally
+from rabbit_experiments.metrics import BatchColumns, RunResult, RunTally
 
 if TYPE_CHECKING:
     from rabbit_sim.batch_simulation import BatchSimulation
@@ -26,8 +25,7 @@ class Run:
 
     def __init__(self, place: int, number: int, seed: int, assembly: Assembly) -> None:
         self.place, self.seed = place, seed
-        self.force: Array = np.zeros((2, 2))  # the true one at the present tick
-        self.tally = RunTally(number, assembly.controller, lambda: self.force)
+        self.tally = RunTally(number, assembly.controller)
         self.seconds, self.controller, self.plant = 0.0, list[float](), list[float]()
 
 
@@ -44,23 +42,24 @@ def walk_together(
     simulation = BatchSimulation([make_simulation(each.simulation, gait) for each in assemblies])
     policy = first.make_policy()
     policies = [each.make_policy() if first.policy == "oracle" else policy for each in assemblies]
-    controller = BatchController(Controller(first.controller, gait, policy), policies)
+    one = Controller(first.controller, gait, policy)
+    controller = BatchController(one, policies)
     numbered = enumerate(zip(numbers, seeds, assemblies, strict=True))
     runs, states = [Run(place, *each) for place, each in numbered], simulation.reset(seeds)
     for run in runs:
         controller.reset(run.place, run.seed)
+    columns = BatchColumns(one)
     while runs:
         start = time.perf_counter()
         output = controller.step(states)
-        decided, go_on = time.perf_counter(), np.ones(len(runs), dtype=bool)
+        share, go_on = (time.perf_counter() - start) / len(runs), np.ones(len(runs), dtype=bool)
+        rows = columns.of_all(output, simulation.true_force)
         for row, run in enumerate(runs):
-            run.force = simulation.true_force[row]
-            if row in output.scene.errors:
-                run.tally.fault = output.scene.errors[row]
-            else:
-                run.tally(Record(states[row], output[row]))
-            go_on[row] = not run.tally.fault
-            run.controller.append((decided - start) / len(runs))
+            if row not in output.errors:
+                run.tally.add(rows[row], columns)
+            run.controller.append(share)
+        for row, why in (output.faults | output.errors).items():
+            runs[row].tally.fault, go_on[row] = why, False
         yield from ended(runs, simulation, go_on)
         runs = kept(runs, simulation, controller, go_on)
         if not runs:

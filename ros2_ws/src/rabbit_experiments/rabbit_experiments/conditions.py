@@ -4,6 +4,8 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
+BATCH = 64  # runs of one controller in MuJoCo that a process walks at once; more gain little
+ABOUT_BATCH = "runs that a process walks at once in MuJoCo; of several a tick's time is a share, 1 times each tick"
 EVALUATION_LAG = 0.004  # s, of the motors in evaluation, as in the paper
 TRAINING_SCALE = 2.0  # the paper's training plant: twice the mass, no motor lag, no noise
 TRAINING_PLANT: dict[str, Any] = {"mass_scale": TRAINING_SCALE, "stop_at_miss": False}  # the pose ends an episode

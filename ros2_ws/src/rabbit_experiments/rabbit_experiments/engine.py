@@ -21,6 +21,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Column
 
 from rabbit_experiments.cache import Cache, Job, JobError
+from rabbit_experiments.conditions import BATCH
 
 BAR_WIDTH = 20  # characters
 ENDING = (signal.SIGINT, signal.SIGTERM)
@@ -32,7 +33,7 @@ def run(
     cache: Cache,
     processes: int = 1,
     note: Callable[[Any, Any], str] = lambda job, _: str(job.title),
-    batch: int = 1,
+    batch: int = BATCH,
 ) -> int:
     """Do what the cache lacks, with a bar; returns how many were done. Ctrl-C loses only jobs under way.
 

@@ -81,9 +81,13 @@ def walk(assembly: Assembly, run: int, seed: int, *observers: Observer) -> RunRe
     """One run; `observers` see every tick."""
     with parts(assembly) as (simulation, controller):
         plant, timed = Timed(simulation), Timed(controller)
-        tally = RunTally(run, assembly.controller, lambda: simulation.reading.foot_force)
+        tally = RunTally(run, assembly.controller)
+
+        def observe(record: Record) -> None:
+            tally.observe(record.output, simulation.reading.foot_force)
+
         start = time.perf_counter()
-        tally.fault = episode(plant, timed, seed, tally, *observers) or tally.fault
+        tally.fault = episode(plant, timed, seed, observe, *observers) or tally.fault
         wall = time.perf_counter() - start
         return tally.result(seed, simulation.outcome, simulation.landings, timed.seconds, plant.seconds, wall)
 

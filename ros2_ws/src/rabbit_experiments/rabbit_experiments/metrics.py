@@ -8,23 +8,25 @@ cone (with F_N > 20 N) or without a push from the ground (F_N <= 0, "lost").
 
 import json
 import math
-from collections import Counter
-from collections.abc import Callable, Iterable
-from typing import Annotated, Literal
+from collections.abc import Iterable, Sequence
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
+from cbf_clf_qp.functions import Layout
+from cbf_clf_qp.qp import ROUNDING as AT_BOUND
 from pydantic import BaseModel, BeforeValidator, ConfigDict, PlainSerializer
 from rabbit_description.force_ratio import force_ratio, impact_ticks
 from rabbit_description.state import JOINTS, Array
 from rabbit_sim.simulation import Landing, Outcome
+from rl_cbf_clf_controller.batch_output import BatchOutput
+from rl_cbf_clf_controller.controller_output import ControllerOutput
+from rl_cbf_clf_controller.controller_parts import ControllerParts
 from rl_cbf_clf_controller.message_fields import STONE_BARRIERS
 from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_trainer.rollout import Record
 
 from rabbit_experiments.walk_records import RESCUE_NEEDED
 
 SLACK_USED = 1e-3  # least d that counts, in its row's unit: whether d is less or 0 depends on the processor's rounding
-NUMBERS = 9  # of a tick, before its torque and eta
 ROWS = ("CLF", "B1", "B2", "C1", "C2", "u")  # of the QP, both cone rows as C2 and all saturation rows as u
 
 
@@ -128,37 +130,88 @@ class RunResult(BaseModel):
     tick_seconds: list[float]
 
 
-class RunTally:
-    """Observes a rollout; `result` reduces it. `foot_force` gives the true forces, (2, 2), at the present tick."""
+def qp_row(name: str) -> str:
+    """Of `ROWS`, if it is one of them."""
+    return name if name in ROWS else name[: 1 if name[0] == "u" else 2]
 
-    def __init__(self, run: int, parameters: ControllerParameters, foot_force: Callable[[], Array]) -> None:
-        self.run, self._foot_force = run, foot_force
+
+class TickColumns:
+    """The numbers of a tick that a tally keeps, in a row; `barriers`: their names."""
+
+    SIZES: ClassVar = {"tick": 1, "step": 1, "force": 2, "V": 1, "slack": 1, "rescue": 1, "answered": 1, "saturated": 1}
+    SIZES |= {"active": len(ROWS), "is_constrained": 1, "torque": JOINTS, "eta": 2 * JOINTS}
+
+    def __init__(self, barriers: Sequence[str]) -> None:
+        self.barriers = tuple(barriers)
+        self.layout = Layout(self.SIZES | {"B": len(barriers), "B_rate": len(barriers)})
+
+    def of(self, output: ControllerOutput, force: Array) -> Array:
+        """Of one robot's tick; `force` (2, 2): the true ones, N."""
+        row = np.empty(self.layout.size)
+        active = {qp_row(name) for name in output.active}
+        row[:] = [
+            *(output.tick, output.step_index, *force[output.stance].tolist()),
+            *(output.V, output.clf_slack, output.rescue_slack, output.answered, output.saturated),
+            *(name in active for name in ROWS),
+            *(bool(output.active), *output.torque.tolist(), *output.eta.tolist()),
+            *(*output.barriers.tolist(), *output.barrier_rates.tolist()),
+        ]
+        return row
+
+
+class BatchColumns(TickColumns):
+    """The same of N robots under one controller, taken from their reports at once."""
+
+    def __init__(self, one: ControllerParts) -> None:
+        super().__init__(one.barrier_names)
+        at = one.output_places
+        tick, step, self._stance, _, _, V, self._solved, slack, rescue = at.scalars
+        self._of_report = np.r_[tick, step, V, slack, rescue, one.acted_at[2], one.places["command"]]
+        self._of_report = np.r_[(self._of_report, *(at.arrays[name] for name in ("eta", "barriers", "barrier_rates")))]
+        places = self.layout.places
+        told = "tick", "step", "V", "slack", "rescue", "saturated", "torque", "eta", "B", "B_rate"
+        self._into = np.r_[tuple(places[name][0] for name in told)]
+        self._margin, self._solver = at.margin, one.parameters.qp_solver
+        self._is_in = np.array([[qp_row(name) == row for row in ROWS] for name in one.qp.layout.names])
+
+    def of_all(self, output: BatchOutput, force: Array) -> Array:
+        """A row a robot; `force` (N, 2, 2): the true ones, N."""
+        report, places = output.report, self.layout.places
+        rows = np.empty((len(report), self.layout.size))
+        rows[:, self._into] = report[:, self._of_report]
+        stance, active = report[:, self._stance].astype(int), report[:, self._margin] < AT_BOUND
+        rows[:, places["force"][0]] = force[np.arange(len(rows)), stance]
+        by_solver = np.array([solver == self._solver for solver in output.solvers])
+        rows[:, places["answered"][0].start] = (report[:, self._solved] > 0) & by_solver
+        rows[:, places["active"][0]] = active @ self._is_in
+        rows[:, places["is_constrained"][0].start] = active.any(axis=1)
+        return rows
+
+
+class RunTally:
+    """Collects the ticks of a run, in `rows` as `columns` has them; `result` reduces them."""
+
+    def __init__(self, run: int, parameters: ControllerParameters) -> None:
+        self.run = run
         self.fault, self._impact_ticks = "", impact_ticks(parameters.tick_seconds)
         self._friction_coeff, self._pole = parameters.friction_coeff, parameters.barrier_pole_1
-        self._rows: list[list[float]] = []
-        self._active: list[tuple[str, ...]] = []
-        self._barriers: list[tuple[tuple[str, ...], list[float], list[float]]] = []  # names, B, B-dot
+        self.rows, self.columns = list[Array](), TickColumns(())
 
     @property
     def ticks(self) -> int:
         """So far."""
-        return len(self._rows)
+        return len(self.rows)
 
-    def __call__(self, record: Record) -> None:
+    def add(self, row: Array, columns: TickColumns) -> None:
         """Take in a tick."""
-        output = record.output
-        self.fault = output.fault
-        force = self._foot_force()[output.stance].tolist()
-        numbers = output.V, output.clf_slack, output.rescue_slack, output.answered, output.saturated
-        arrays = output.torque.tolist() + output.eta.tolist()
-        self._rows.append([output.tick, output.step_index, *force, *numbers, *arrays])
-        self._active.append(output.active)
-        self._barriers.append((output.barrier_names, output.barriers.tolist(), output.barrier_rates.tolist()))
+        self.columns = columns
+        self.rows.append(row)
 
-    def _is_outside(self, tick: int) -> bool:
-        """Of the set from which an ECBF keeps a stone's barriers: outside it promises nothing."""
-        of_all = zip(*self._barriers[tick], strict=True)
-        return any(rate + self._pole * B < 0 for name, B, rate in of_all if name in STONE_BARRIERS)
+    def observe(self, output: ControllerOutput, force: Array) -> None:
+        """The same of what a controller said; `force` (2, 2): the true ones at this tick."""
+        self.fault = output.fault
+        columns = self.columns if self.rows else TickColumns(output.barrier_names)
+        self.add(columns.of(output, force), columns)
 
     def result(
         self,
@@ -170,35 +223,35 @@ class RunTally:
         walk_seconds: float = 0.0,
     ) -> RunResult:
         """The run in figures, once it is over; seconds that each controller and plant tick took, and the whole walk."""
-        rows = np.reshape(self._rows, (-1, NUMBERS + 3 * JOINTS))
-        tick, step, tangential, normal, V, slack, rescue, answered, saturated = rows[:, :NUMBERS].T
-        torque, eta = np.split(rows[:, NUMBERS:], [JOINTS], axis=1)
+        columns = self.columns
+        rows = np.reshape(self.rows, (-1, columns.layout.size))
+        of = {name: rows[:, place] for name, (place, _) in columns.layout.places.items()}
+        tick, step, V, slack, rescue = (of[name][:, 0] for name in ("tick", "step", "V", "slack", "rescue"))
+        force, torque, eta, B = (of[name] for name in ("force", "torque", "eta", "B"))
+        normal, active = force[:, 1], of["active"] > 0
         starts = np.diff(step, prepend=-1) != 0
         age = tick - tick[starts][np.cumsum(starts) - 1]
-        ratio = np.nan_to_num(force_ratio(np.stack([tangential, normal], axis=1)))
+        ratio = np.nan_to_num(force_ratio(force))
         measured, at_impact = tick > 0, age < self._impact_ticks  # at tick 0 there is no force yet
         over, lost, late = measured & (ratio > self._friction_coeff), measured & (normal <= 0), measured & ~at_impact
-        outside = [self._is_outside(place) for place in starts.nonzero()[0].tolist()]
-        active, steps = Counter[str](), set[float]()
-        for names, at in zip(self._active, step, strict=True):
-            bounds = {name if name in ROWS else name[: 1 if name[0] == "u" else 2] for name in names}
-            active.update(bounds)
-            steps |= {at} if bounds & {*STONE_BARRIERS} else set()
+        on_stones = [name in STONE_BARRIERS for name in columns.barriers]
+        outside = np.any((of["B_rate"] + self._pole * B)[:, on_stones] < 0, axis=1)  # where an ECBF promises nothing
+        by_barrier = active[:, [name in STONE_BARRIERS for name in ROWS]].any(axis=1)
         happened = {
             "ticks_over_cone": over & ~at_impact,
             "ticks_over_cone_at_impact": over & at_impact,
             "ticks_normal_force_negative": measured & (normal < 0),
             "ticks_lost": lost & ~at_impact,
             "ticks_lost_at_impact": lost & at_impact,
-            "qp_unanswered_ticks": answered == 0,
-            "qp_unconstrained_ticks": [not names for names in self._active],
+            "qp_unanswered_ticks": of["answered"] == 0,
+            "qp_unconstrained_ticks": of["is_constrained"] == 0,
             "slack_ticks": slack > SLACK_USED,
             "rescue_ticks": rescue > RESCUE_NEEDED,
-            "saturated_ticks": saturated == 1,
-            "ecbf_start_violations": outside,
+            "saturated_ticks": of["saturated"] == 1,
+            "ecbf_start_violations": starts & outside,
         }
         counts = {name: int(np.sum(ticks)) for name, ticks in happened.items()}
-        counts |= {f"active_{name}": active[name] for name in ROWS}
+        counts |= {f"active_{name}": int(np.sum(ticks)) for name, ticks in zip(ROWS, active.T, strict=True)}
         missed = [landing.missed or not landing.on_stone for landing in landings]
         success = outcome is Outcome.WALKED and not self.fault and not any(missed)
         y, dy = (np.square(eta).sum(axis=0) / max(self.ticks, 1)).reshape(2, -1)
@@ -214,10 +267,10 @@ class RunTally:
             steps=int(step[-1]) + 1 if self.ticks else 0,
             ticks=self.ticks,
             worst_margin=min((min(step.l - step.l_min, step.l_max - step.l) for step in landings), default=np.nan),
-            least_barriers=least_by_name(dict(zip(names, B, strict=True)) for names, B, _ in self._barriers),
+            least_barriers=dict(zip(columns.barriers, np.fmin.reduce(B, initial=np.inf).tolist(), strict=True)),
             max_force_ratio=ratio[late].max(initial=0.0),
             min_normal_force=normal[late].min() if late.any() else np.nan,
-            barrier_active_steps=len(steps),
+            barrier_active_steps=len(set(step[by_barrier].tolist())),
             max_torque=np.abs(torque).max(initial=0.0),
             rms_y=float(np.sqrt(y.mean())),
             rms_dy=float(np.sqrt(dy.mean())),
@@ -231,9 +284,9 @@ class RunTally:
             **counts,
         )
         when = {"tick": tick, "step": step, "ticks_since_landing": age, "at_impact": at_impact}
-        columns = {**when, "tangential_force": tangential, "normal_force": normal, "ratio": ratio}
+        of_tick = {**when, "tangential_force": force[:, 0], "normal_force": normal, "ratio": ratio}
         violations = [
-            ForceTick(run=self.run, kind="lost" if lost[i] else "over_cone", **{n: v[i] for n, v in columns.items()})
+            ForceTick(run=self.run, kind="lost" if lost[i] else "over_cone", **{n: v[i] for n, v in of_tick.items()})
             for i in np.flatnonzero(over | lost)
         ]
         return RunResult(row=row, violations=violations, tick_seconds=[round(seconds, 7) for seconds in ticks])

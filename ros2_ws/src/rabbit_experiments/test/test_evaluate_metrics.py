@@ -38,10 +38,9 @@ def output_at(record: Record, tick: int, **changes: Any) -> ControllerOutput:
 def row_of(record: Record, forces: list[tuple[float, float]], age: int = LATE) -> RunRow:
     """A run whose stance foot has these forces from `age` ticks after the start on, and pushes before."""
     every = [(0.0, 300.0)] * (age or 1) + forces
-    now = iter(np.array([[force, force] for force in every]))
-    tally = RunTally(0, PARAMETERS, lambda: next(now))
-    for tick in range(len(every)):
-        tally(Record(record.state, output_at(record, tick, step_index=0 if age else tick)))
+    tally = RunTally(0, PARAMETERS)
+    for tick, force in enumerate(every):
+        tally.observe(output_at(record, tick, step_index=0 if age else tick), np.array([force, force]))
     return tally.result(7, Outcome.WALKED, [], [0.001], []).row
 
 
@@ -72,11 +71,10 @@ def test_largest_ratio_is_taken_of_loaded_ticks_after_the_impact(record: Record)
 
 def run(record: Record, landings: list[Landing], outcome: Outcome, force: Array, **changes: Any) -> RunResult:
     """A run of as many steps as landings, four late ticks each."""
-    tally = RunTally(0, PARAMETERS, lambda: force)
+    tally = RunTally(0, PARAMETERS)
     for tick in range(2 * LATE * max(len(landings), 1)):
         step = tick // (2 * LATE)
-        state = replace(record.state, tick=tick)
-        tally(Record(state, output_at(record, tick, step_index=step, stance=Leg(step % 2), **changes)))
+        tally.observe(output_at(record, tick, step_index=step, stance=Leg(step % 2), **changes), force)
     seconds = [0.001] * tally.ticks
     return tally.result(7, outcome, landings, seconds, seconds)
 

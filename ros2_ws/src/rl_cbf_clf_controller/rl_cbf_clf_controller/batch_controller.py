@@ -15,9 +15,9 @@ from cbf_clf_qp.functions import Values
 from rabbit_description.robot_states import RobotStates
 from rabbit_description.state import DOF, JOINTS, Array, RobotState, StonePreview
 
-from rl_cbf_clf_controller.batch_output import BatchOutput, BatchScene, estimated, refusing, scene_of
+from rl_cbf_clf_controller.batch_output import BatchOutput, BatchScene, estimates_of, identified, refusing, scene_of
 from rl_cbf_clf_controller.controller_parts import ControllerParts
-from rl_cbf_clf_controller.policy import LearnedPolicy, Policy, ZeroPolicy
+from rl_cbf_clf_controller.policy import ActorPolicy, LearnedPolicy, Policy, ZeroPolicy
 from rl_cbf_clf_controller.residual_policy import Memory, ResidualPolicy
 from rl_cbf_clf_controller.scene import Estimator
 from rl_cbf_clf_controller.step import (
@@ -80,6 +80,7 @@ class BatchController:
         self._previews = list[Any]([()] * n)  # whose numbers are in the rows
         self._is_sound, self._to_memory = self._one.places["is_sound"].start, self._one.places["memory"]
         self._silence, self._is_silent = np.zeros((n, JOINTS)), True
+        self._nothing, self._to_adapted = np.zeros((n, f.estimates.size)), self._one.places.get("adapted")
         self._path = f.memory.places
 
     @property
@@ -132,12 +133,14 @@ class BatchController:
             return self.decide(self.look(states))
         start, rows, n = perf_counter(), self._rows, self._n
         self._read(states)
-        omega, parts, is_sound, solver, status = self._noise(), None, False, ["daqp"] * n, ["solved"] * n
+        omega, is_sound, solver, status = self._noise(), False, ["daqp"] * n, ["solved"] * n
+        learned = self._nothing
         if type(policy) is ZeroPolicy and self._one.solvers[0] == "daqp":
             report = rows.step().copy()
             is_sound = 0.0 not in report[:, self._is_sound].tolist()
         if not is_sound:
-            parts = self._learned(policy, rows.look())
+            learned = self._learned(policy, rows.look())
+            rows.estimates[...] = self._total(learned, rows.look.row)
             acted, solver, status = self._solved()
             report = np.concatenate([rows.look.row, acted], axis=1)
             is_sound = 0.0 not in report[:, self._is_sound].tolist()
@@ -149,33 +152,35 @@ class BatchController:
         else:
             rows.memory[...] = memory
         answered = solver, status, (perf_counter() - start) / n
-        return BatchOutput(self._one, report, self.policies[:], omega, answered, errors, is_sound, parts)
+        total = self._total(learned, report)
+        return BatchOutput(self._one, report, self.policies[:], omega, answered, errors, is_sound, total, learned)
 
-    def _only_policy(self) -> LearnedPolicy | None:
+    def _only_policy(self) -> ZeroPolicy | ActorPolicy | None:
         """That of all robots, where it needs nothing but the observation and always gives an output error."""
         policy = self.policies[0]
-        if isinstance(policy, LearnedPolicy) and (type(policy) is ZeroPolicy or policy.is_structured):
+        if type(policy) is ZeroPolicy or (type(policy) is ActorPolicy and policy.is_structured):
             return policy if self.policies == [policy] * self._n else None
         return None
 
-    def _learned(self, policy: LearnedPolicy, seen: Array) -> list[Estimates]:
-        """The estimates of the policy and of the identified robots, into the rows."""
-        at = self._one.functions.seen.places
-        if type(policy) is ZeroPolicy:
-            parts = estimated(self._one, seen)
-            return self._take(parts, sum(parts[1:], parts[0]))
-        here = self._one.places["seen"].start
-        observation, LgV = (seen[:, here + at[i][0].start : here + at[i][0].stop] for i in ("observation", "LgV"))
-        parts = [policy.act_of_many(observation[:, : self._one.observed], LgV)]
-        if self._one.functions.identifies:
-            parts += estimated(self._one, seen)[1:]
-        return self._take(parts, sum(parts[1:], parts[0]))
+    def _learned(self, policy: ZeroPolicy | ActorPolicy, seen: Array) -> Array:
+        """The policy's estimates, (N, size)."""
+        if isinstance(policy, ZeroPolicy):
+            return self._nothing
+        observations, LgV = (seen[:, place] for place in self._one.learned_from)
+        return policy.values_of_many(observations, LgV).row
 
-    def _take(self, parts: list[Estimates], total: Estimates) -> list[Estimates]:
-        """Those in all, into the rows."""
-        for name, values in vars(total).items():
-            self._rows.estimates[name][...] = 0 if values is None else values.reshape(self._n, -1)
-        return parts
+    def _total(self, learned: Array, seen: Array) -> Array:
+        """With those of the identified robots, (N, size)."""
+        if self._to_adapted is None:
+            return learned
+        adapted = seen[:, self._to_adapted]
+        return adapted if learned is self._nothing else learned + adapted
+
+    def _take(self, total: Estimates) -> Array:
+        """A copy of them, (N, size), which are in the rows now."""
+        for (place, _), values in zip(self._one.functions.estimates.places.values(), vars(total).values(), strict=True):
+            self._rows.estimates[:, place] = 0 if values is None else values.reshape(self._n, -1)
+        return self._rows.estimates.copy()
 
     def _noise(self) -> Array:
         """To explore with, (N, 4)."""
@@ -241,14 +246,14 @@ class BatchController:
         for i in range(n) if total.output_error is None else ():
             with refusing(scene.errors, i):
                 self._one.check_estimates(total)
-        self._take(parts, total)
+        row = self._take(total)
         omega = self._noise() if omega is None else omega
         acted, solver, status = self._solved()
         known = [i for i in range(n) if i not in scene.errors]
         rows.memory[known] = acted[known, f.acted.places["memory"][0]]
         answered = solver, status, (perf_counter() - start) / n
         report = np.concatenate([self._seen, acted], axis=1)
-        output = BatchOutput(self._one, report, self.policies[:], omega, answered, scene.errors, False, parts)
+        output = BatchOutput(self._one, report, self.policies[:], omega, answered, scene.errors, False, row, row, parts)
         scene.faults |= output.faults
         return output
 
@@ -256,6 +261,8 @@ class BatchController:
         """What was decided, (N, size), by the first solver; by its guard where that has no answer."""
         n, at = self._n, self._one.functions.acted.places
         solver, status, names = [""] * n, [""] * n, self._one.solvers
+        if names[0] == "daqp" and self._rows.decide()[:, at["solved"][0]].all():
+            return self._rows.decide.row, ["daqp"] * n, ["solved"] * n
         row, left = np.zeros((n, self._one.functions.acted.size)), np.arange(n)
         for name in names:
             found = self._rows.decide() if name == "daqp" else self._by_solvers(name, left, status)
@@ -287,14 +294,14 @@ class BatchController:
     def _estimated(self, scene: BatchScene, given: Estimates | None) -> tuple[list[Estimates], Estimates]:
         """Of the policy, then of each other estimator; and in all."""
         policy, n = self.policies[0], self._n
-        nothing, *identified = estimated(self._one, self._seen)
+        adapted, nothing = identified(self._one, self._seen), estimates_of(self._one, self._nothing)
         if policy.comes_last or (given is None and isinstance(policy, ZeroPolicy)):
             given = nothing
         elif given is None and isinstance(policy, LearnedPolicy) and len(set(map(id, self.policies))) == 1:
             given = policy.act_of_many(scene.observation, scene.seen.LgV)
         elif given is None:
             given = self._each(self.policies, scene, [self._one.qp.no_error()] * n)
-        parts, total = [given, *identified], sum(identified, self._none + given)
+        parts, total = [given, *adapted], sum(adapted, self._none + given)
         for estimators in zip(*self._estimators, strict=True):  # of all robots
             parts.append(self._each(estimators, scene, total))
             total = total + parts[-1]

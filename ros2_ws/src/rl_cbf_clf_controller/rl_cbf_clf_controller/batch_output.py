@@ -44,7 +44,9 @@ class BatchOutput:
     """What a tick decides, a row a robot; see `ControllerOutput`. `torque` (N, 4): left/right order, saturated, N m.
 
     `errors`: why the controller refuses a robot's state, `faults`: why its episode must end, both by its number;
-    `omega` (N, 4): the noise; `parts`: the estimates of each estimator, None: those of the identified robot, if any.
+    `report` (N, size): see `step.py`; `solvers`: whose answer each one is; `omega` (N, 4): the noise; `total`,
+    `learned`: the estimates in all and the policy's, rows as in `StepFunctions.estimates`; `parts`: those of
+    each estimator, None: there are no others but the identified robots.
     """
 
     def __init__(
@@ -56,27 +58,23 @@ class BatchOutput:
         answered: tuple[list[str], list[str], float],
         errors: dict[int, str],
         is_sound: bool,
+        total: Array,
+        learned: Array,
         parts: list[Estimates] | None = None,
     ) -> None:
-        self._one, self._report, self._policies, self.omega = one, report, policies, omega
-        self._answered, self.errors, self._parts = answered, errors, parts
+        self._one, self.report, self._policies, self.omega = one, report, policies, omega
+        self._answered, self.errors, self._total, self._learned, self._parts = answered, errors, total, learned, parts
+        self.solvers = answered[0]
         self.torque = report[:, one.places["command"]]
         self.faults = {} if is_sound else self._faults()
 
     def __getitem__(self, i: int) -> ControllerOutput:
         """Of robot `i`."""
-        one, row = self._one, self._report[i]
+        one, row, total = self._one, self.report[i], self._total[i]
         at, parameters = one.output_places, one.parameters
         arrays = {name: row[place] for name, place in at.arrays.items()}
-        if self._parts is None and one.functions.identifies:
-            arrays |= {name: row[place] for name, place in at.identified.items()}
-            arrays["alpha"] = arrays["alpha"].reshape(at.alpha)
-        else:
-            of_all = self.estimates
-            arrays |= {"alpha": of_all.alpha[i], "beta": of_all.beta[i]}
-            if one.functions.identifies:
-                arrays |= {name: row[at.identified[name]] for name in ("identified", "adapted")}
-        arrays["nominal_a"] = arrays["nominal_a"].reshape(at.alpha)
+        arrays |= {"alpha": total[at.alpha].reshape(at.shape), "beta": total[at.beta]}
+        arrays["nominal_a"] = arrays["nominal_a"].reshape(at.shape)
         solver, status, seconds = self._answered
         layout, margins = one.qp.layout, row[at.margin].tolist()
         tick, index, stance, step_time, phase, V, solved, clf_slack, rescue_slack = row[at.scalars].tolist()
@@ -105,7 +103,7 @@ class BatchOutput:
 
     def act(self, i: int) -> Acted:
         """What acts on robot `i`."""
-        row, at = self._report[i], self._one.acted_at
+        row, at = self.report[i], self._one.acted_at
         mu, mu_qp, saturated = row[at[0]], row[at[1]], row.item(at[2]) > 0
         fault = self.faults.get(i, "")
         return Acted(self.torque[i], mu, mu_qp, self.omega[i], saturated, self._policies[i].version, fault)
@@ -113,7 +111,7 @@ class BatchOutput:
     @cached_property
     def scene(self) -> BatchScene:
         """What was seen."""
-        return scene_of(self._one, self._report, self.errors)
+        return scene_of(self._one, self.report, self.errors)
 
     @cached_property
     def decided(self) -> Decided:
@@ -124,7 +122,9 @@ class BatchOutput:
     @cached_property
     def parts(self) -> list[Estimates]:
         """Estimates of the policy, of the identified robot, of the controller's own estimators."""
-        return self._parts or estimated(self._one, self._report)
+        if self._parts:
+            return self._parts
+        return [estimates_of(self._one, self._learned), *identified(self._one, self.report)]
 
     @cached_property
     def estimates(self) -> Estimates:
@@ -133,7 +133,7 @@ class BatchOutput:
         return sum(others, first)
 
     def _part(self, name: str) -> Array:
-        return self._report[:, self._one.places[name]]
+        return self.report[:, self._one.places[name]]
 
     def _faults(self) -> dict[int, str]:
         found = dict[int, str]()
@@ -151,16 +151,16 @@ class BatchOutput:
         return found
 
 
-def estimated(one: ControllerParts, report: Array) -> list[Estimates]:
-    """Of no policy; then of the identified robots, where there are such."""
-    none = one.qp.no_error()
-    n, alpha, error = len(report), none.alpha.shape, one.functions.estimates["output_error"]
-    shapes = (n, *alpha), (n, alpha[0]), (n, alpha[1], error // alpha[1])
-    parts = [Estimates(*(np.zeros(shape) for shape in shapes))]
-    if one.functions.identifies:
-        found = (report[:, one.places[f"identified_{name}"]] for name in ("alpha", "beta", "output_error"))
-        parts.append(Estimates(*(each.reshape(shape) for each, shape in zip(found, shapes, strict=True))))
-    return parts
+def estimates_of(one: ControllerParts, rows: Array) -> Estimates:
+    """Of rows as in `StepFunctions.estimates`."""
+    n, (_, m) = len(rows), one.output_places.shape
+    alpha, beta, error = (rows[:, place] for place, _ in one.functions.estimates.places.values())
+    return Estimates(alpha.reshape(n, -1, m), beta, error.reshape(n, m, m + 1))
+
+
+def identified(one: ControllerParts, report: Array) -> list[Estimates]:
+    """Of the identified robots, where there are such."""
+    return [estimates_of(one, report[:, one.places["adapted"]])] if one.functions.identifies else []
 
 
 def scene_of(one: ControllerParts, rows: Array, errors: dict[int, str]) -> BatchScene:

@@ -14,7 +14,7 @@ from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.recipes import barriers_of, make_tick
 from rl_cbf_clf_controller.robot_numbers import read_robot
 from rl_cbf_clf_controller.scene import ControllerError
-from rl_cbf_clf_controller.step import ESTIMATES, StepFunctions
+from rl_cbf_clf_controller.step import StepFunctions
 from rl_cbf_clf_controller.step_paths import Shape
 from rl_cbf_clf_controller.uncertainty import STATE_OBSERVATION
 from rl_cbf_clf_controller.walking import Walking
@@ -46,7 +46,8 @@ class ControllerParts:
         self._start, self.shape = gait.x_start, Shape.of(gait)
         on_stones = parameters.terrain == "stones"
         self.observed = len(STATE_OBSERVATION) + (1 + (not self.shape.is_single) if on_stones else 0)
-        self.output_places = OutputPlaces(self)
+        self.output_places = at = OutputPlaces(self)
+        self.learned_from = at.arrays["observation"], at.arrays["LgV"]  # of a report
         self.acted_at = self.places["mu"], self.places["mu_qp"], self.places["saturated"].start
         self.is_valid = self.functions.answer.places["is_valid"][0].start
         self.solvers = guarded(parameters.qp_solver)
@@ -76,18 +77,15 @@ class OutputPlaces:
     """Where in a report a `ControllerOutput` finds its arrays and numbers."""
 
     def __init__(self, one: "ControllerParts") -> None:
-        f, at, self.alpha = one.functions, one.places, one.qp.no_error().alpha.shape
+        f, at, self.shape = one.functions, one.places, one.qp.no_error().alpha.shape  # of alpha
         seen = {name: shifted(place, at["seen"]) for name, (place, _) in f.seen.places.items()}
         answer = {name: shifted(place, at["answer"]) for name, (place, _) in f.answer.places.items()}
         self.arrays = {name: seen[name] for name in SEEN}
         start = seen["observation"].start
         self.arrays |= {"observation": slice(start, start + one.observed), "margins": answer["row_margin"]}
         self.arrays |= {"slacks": answer["slack"], "multipliers": answer["multiplier"]}
-        self.identified = dict[str, slice]()
-        if f.identifies:
-            alpha, beta, error = (at[f"identified_{name}"] for name in ESTIMATES)
-            self.identified = {"identified": at["identified"], "adapted": slice(alpha.start, error.stop)}
-            self.identified |= {"alpha": alpha, "beta": beta}
+        self.arrays |= {name: at[name] for name in ("identified", "adapted") if f.identifies}
+        self.alpha, self.beta, _ = (place for place, _ in f.estimates.places.values())
         self.margin = answer["margin"]
         numbers = at["tick"], at["index"], at["stance"], at["step_time"], seen["phase"], seen["V"], at["solved"]
         sums = answer["slack_sums"].start

@@ -99,16 +99,14 @@ LEARNED = """  static _Thread_local double scaled[{inputs}], network[{widest} + 
   arguments[2] = policy_alpha_scale, arguments[3] = policy_beta_scale;
   estimates(arguments, results, integers, numbers, 0);
 {adapted}  arguments[0] = reading, arguments[1] = settings, arguments[2] = report;
-  arguments[3] = report + REPORT_ALPHA, arguments[4] = report + REPORT_BETA;
-  arguments[5] = report + REPORT_OUTPUT_ERROR;
-  results[0] = report + REPORT_MEMORY;
+  arguments[3] = report + REPORT_ALPHA, results[0] = report + REPORT_MEMORY;
   decide(arguments, results, integers, numbers, 0);
 """
 POLICY = """/* The policy, which another one of the same form may replace between two ticks */
 {tables}
 
 """
-ADAPTED = """  for (int i = 0; i < {estimated}; i++) report[REPORT_ALPHA + i] += report[REPORT_IDENTIFIED_ALPHA + i];
+ADAPTED = """  for (int i = 0; i < {estimated}; i++) report[REPORT_ALPHA + i] += report[REPORT_ADAPTED + i];
 """
 SENSED = """
 int controller_step_from_sensors(double *memory, const double *sensors, double *reading, const double *settings,
@@ -205,7 +203,7 @@ def header(controller: Controller, estimator: StateEstimator | None) -> str:
 def report_of(controller: Controller) -> Layout:
     """The report; with a learned policy also all estimates."""
     f = controller.functions
-    return Layout(f.report.sizes | f.estimates) if isinstance(controller.policy, ActorPolicy) else f.report
+    return Layout(f.report.sizes | f.estimates.sizes) if isinstance(controller.policy, ActorPolicy) else f.report
 
 
 def tables_of(policy: ActorPolicy) -> dict[str, Array]:

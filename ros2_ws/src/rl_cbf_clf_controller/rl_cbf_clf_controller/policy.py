@@ -19,7 +19,7 @@ from typing import Any, ClassVar
 import casadi as ca
 import numpy as np
 from cbf_clf_qp.estimates import Estimates
-from cbf_clf_qp.functions import NumpyFunction
+from cbf_clf_qp.functions import NumpyFunction, Values
 from rabbit_description.state import Array
 
 from rl_cbf_clf_controller.batch_functions import BatchFunction
@@ -99,20 +99,27 @@ class ActorPolicy(LearnedPolicy):
         Raises:
             ValueError: it reads the step length of a gait library, and there is none.
         """
-        return Estimates(*self._found(self.estimates, observation, LgV))
+        return self._known(self._found(self.estimates, observation, LgV))
 
     def act_of_many(self, observations: Array, LgV: Array) -> Estimates:
         """The same for N robots, to the bit."""
-        return Estimates(*self._found(self._of_many, observations, LgV))
+        return self._known(self.values_of_many(observations, LgV))
 
-    def _found(self, estimates: Any, observation: Array, LgV: Array) -> tuple[Array, Array, Array | None]:
+    def values_of_many(self, observations: Array, LgV: Array) -> Values:
+        """The same as rows: alpha, beta, and of a structured policy the output error."""
+        return self._found(self._of_many, observations, LgV)
+
+    def _known(self, found: Values) -> Estimates:
+        return Estimates(found.alpha, found.beta, found.output_error if self.is_structured else None)
+
+    def _found(self, estimates: Any, observation: Array, LgV: Array) -> Values:
         size = self.center.size
         if observation.shape[-1] < size:
             read = self.file.metadata.observation[-1]
             raise ValueError(f"policy {self.version} reads {read}: expected a gait library")
         outputs = self.actor((observation[..., :size] - self.center) * self.inverse_scale)
-        found = estimates(outputs, LgV, *self.scales)
-        return found.alpha, found.beta, found.output_error if self.is_structured else None
+        found: Values = estimates(outputs, LgV, *self.scales)
+        return found
 
 
 def estimate_function(n: int, m: int, structured: bool, has_clf: bool) -> NumpyFunction:

@@ -46,7 +46,6 @@ READING = {
     **{"applied": JOINTS, "stone": len(fields(StonePreview)), "noise": JOINTS},
 }
 SETTINGS = ("swap_time", "swap_phase", "doubt_eps", "late_margin", "stone_aim", "slope_change", *GAINS)
-ESTIMATES = "alpha", "beta", "output_error"
 # why a state is refused, or an episode must end
 Q, DQ, STONE = 1, 2, 3
 DISAGREEMENT, UNSOLVED, NOT_FINITE = 1, 2, 3
@@ -195,7 +194,7 @@ class StepFunctions:
         self.memory = Layout(sizes | {"left": left, "known": known, "torque": JOINTS, "held": JOINTS})
         self.reading, self.settings = Layout(READING), Layout(dict.fromkeys(SETTINGS, 1))
         n, m = len(tick.names), tick.terms.inputs
-        self.estimates = {"alpha": n * m, "beta": n, "output_error": m * (m + 1)}
+        self.estimates = Layout({"alpha": n * m, "beta": n, "output_error": m * (m + 1)})
         rows = {"memory": self.memory.size, "reading": self.reading.size, "settings": self.settings.size}
         self._rows = {name: ca.MX.sym(name, size) for name, size in rows.items()}
         self._gaits = ca.MX.sym("gaits", self.gaits.size)
@@ -266,8 +265,7 @@ class StepFunctions:
             found = call(self._after, now | {"known": memory["known"]})
             kept["known"] = ca.vertcat(*found.values())
             other = ca.vertcat(found["numbers"], seen["p"][robot.row.size :])
-            error = call(model_error(self._tick.terms), {"x": x, "p": seen["p"], "other": other})
-            scene |= {f"identified_{name}": error[name] for name in ESTIMATES}
+            scene["adapted"] = model_error(self._tick.terms).function(x, seen["p"], other)
             scene["identified"] = ca.vertcat(found["used"], found["offsets"], found["doubts"][0])
         self.kept = Layout({name: self.memory.sizes[name] for name in self.memory.sizes if name in kept})
         scene["kept"] = self.kept.joined(kept)
@@ -299,11 +297,10 @@ class StepFunctions:
         _, reading, settings = self._given
         scene_row, tolerance = ca.MX.sym("scene", self.scene.size), ca.MX.sym("tolerance")
         scene = self.scene.parts(scene_row)
-        estimates = {name: ca.MX.sym(name, size) for name, size in self.estimates.items()}
+        estimates = ca.MX.sym("estimates", self.estimates.size)
         prepared = Layout.of(self.seen).parts(scene["seen"])["prepared"]
-        data = made(
-            "data", {"scene": scene_row, **estimates}, call(self.programme, {**estimates, "prepared": prepared})
-        )
+        given = {**self.estimates.parts(estimates), "prepared": prepared}
+        data = made("data", {"scene": scene_row, "estimates": estimates}, call(self.programme, given))
         data_row, (x, y) = (
             ca.MX.sym("data", data.row.size),
             (ca.MX.sym(n, self.answer.function.numel_in(n)) for n in "xy"),
@@ -315,10 +312,10 @@ class StepFunctions:
         report = {"memory": self.memory.joined(memory), **acted, "answer": answer_row}
         given = {"reading": self._rows["reading"], "settings": self._rows["settings"], "scene": scene_row}
         finish = made("finish", {**given, "data": data_row, "x": x, "y": y, "tolerance": tolerance}, report)
-        solution = by_daqp(data.function(scene_row, *estimates.values()), self.programme.places)
-        found = data.function(scene_row, *estimates.values()), *solution, TOLERANCE
-        inputs = {**given, **estimates}
-        row = finish.function(*given.values(), *found)
+        programme = data.function(scene_row, estimates)
+        solution = by_daqp(programme, self.programme.places)
+        inputs = {**given, "estimates": estimates}
+        row = finish.function(*given.values(), programme, *solution, TOLERANCE)
         decide = NumpyFunction(ca.Function("decide", [*inputs.values()], [row], [*inputs], ["values"]), finish.places)
         return data, finish, decide
 
@@ -330,7 +327,7 @@ class StepFunctions:
         scene_row = self.see.function(*inputs.values(), self.stand.function(*self._rows.values()))
         look = ca.Function("look", [*inputs.values()], [scene_row], [*inputs], ["values"])
         scene = self.scene.parts(scene_row)
-        known = [scene.get(f"identified_{name}", ca.DM.zeros(size)) for name, size in self.estimates.items()]
-        acted = self.decide.function(self._rows["reading"], self._rows["settings"], scene_row, *known)
+        known = scene.get("adapted", ca.DM.zeros(self.estimates.size))
+        acted = self.decide.function(self._rows["reading"], self._rows["settings"], scene_row, known)
         step = ca.Function("step", [*inputs.values()], [ca.vertcat(scene_row, acted)], [*inputs], ["values"])
         return NumpyFunction(look, self.scene.places), NumpyFunction(step, self.report.places)

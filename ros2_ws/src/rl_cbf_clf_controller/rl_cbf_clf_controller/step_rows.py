@@ -6,7 +6,7 @@ import numpy as np
 from cbf_clf_qp.functions import NumpyFunction, one_at_a_time
 from rabbit_description.state import Array
 
-from rl_cbf_clf_controller.step import ESTIMATES, StepFunctions
+from rl_cbf_clf_controller.step import StepFunctions
 
 
 class Bound:
@@ -46,10 +46,9 @@ class StepRows:
         self.see = Bound(f.see, *given, gaits, self.stand.row)
         self.look = Bound(f.look, *given, gaits, row=self.see.row)
         self.step = Bound(f.step, *given, gaits)
-        self.estimates = {name: np.zeros((n, size)) for name, size in f.estimates.items()}
-        known = [self.estimates[name] for name in ESTIMATES]
-        self.decide = Bound(f.decide, self.reading, self.settings, self.see.row, *known)
-        self.data = Bound(f.data, self.see.row, *known)
+        self.estimates = np.zeros((n, f.estimates.size))
+        self.decide = Bound(f.decide, self.reading, self.settings, self.see.row, self.estimates)
+        self.data = Bound(f.data, self.see.row, self.estimates)
         self.x, self.y, self.tolerance = (np.zeros((n, f.finish.function.numel_in(i))) for i in ("x", "y", "tolerance"))
         answer = self.data.row, self.x, self.y, self.tolerance
         self.finish = Bound(f.finish, self.reading, self.settings, self.see.row, *answer)

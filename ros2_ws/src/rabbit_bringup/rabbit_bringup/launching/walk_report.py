@@ -166,9 +166,9 @@ def _row(walk: WalkSettings, episode: Any) -> dict[str, Any]:
     from rabbit_experiments.metrics import RunTally
     from rabbit_sim.simulation import Outcome
 
-    tally = RunTally(episode.number, walk.controller, lambda: record.state.foot_force)
+    tally = RunTally(episode.number, walk.controller)
     for record in episode.records:
-        tally(record)
+        tally.observe(record.output, record.state.foot_force)
     try:
         outcome = Outcome(episode.outcome)
     except ValueError:  # it did not end by the simulator

@@ -14,7 +14,7 @@ from rabbit_description.plugins import load
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
-from rabbit_experiments.conditions import EVALUATION_LAG, WalkOptions
+from rabbit_experiments.conditions import ABOUT_BATCH, BATCH, EVALUATION_LAG, WalkOptions
 
 DEFAULTS = Defaults(always={"motor_lag": EVALUATION_LAG})
 
@@ -30,7 +30,7 @@ class EvaluationOptions(WalkOptions):
     jobs: int = Field(
         default_factory=lambda: os.cpu_count() or 1, ge=1, le=4096, description="processes (default: all cores)"
     )
-    batch: int = Field(1, ge=1, le=4096, description="runs that a process walks at once (needs --plant mujoco)")
+    batch: int = Field(BATCH, ge=1, le=4096, description=ABOUT_BATCH)
     pictures: bool = Field(False, description="draw the first run")
     overwrite: bool = Field(False, description="begin again in a folder of another evaluation")
 
@@ -41,8 +41,6 @@ def evaluate(given: Given) -> None:
     """Walk many seeded runs without ROS: success rate, stones, forces, solver and speed, in DIR/summary.json."""
     request = given.build(EvaluationOptions)
     assembly = given_assembly(given, request.policy, request.parameters)
-    if request.batch > 1 and assembly.simulation.plant != "mujoco":
-        fail(f"--batch {request.batch} with --plant {assembly.simulation.plant}: expected --plant mujoco")
     from rabbit_experiments.evaluation import Scenario
     from rabbit_experiments.results import ResultsError, ResultsFolder
     from rabbit_experiments.walk_records import RECORDS, what_walks
@@ -106,7 +104,7 @@ def describe(assembly: Any, seed: int) -> dict[str, Any]:
     }
 
 
-def walk_all(scenario: Any, folder: Any, processes: int, batch: int = 1) -> tuple[list[Any], int]:
+def walk_all(scenario: Any, folder: Any, processes: int, batch: int) -> tuple[list[Any], int]:
     """Walk the runs that the folder lacks, its tables up to date after each; all results, and how many were made."""
     from rabbit_experiments.cache import JobError
     from rabbit_experiments.engine import run
