@@ -1,15 +1,18 @@
 """Who publishes the trainer's messages, from its dataclasses; and what the trainer hears, checked."""
 
 from array import array
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from typing import Any
 
 from rabbit_common.message_checks import Refused, doubles
 from rabbit_common.ros.conversions import state_of, torque_of
 from rabbit_common.ros.qos import EVENT, TICK, WEIGHTS
+from rabbit_description.state import JOINTS, LAYOUT, RobotLayout
+from rabbit_description.task import ControlTask
+from rabbit_description.task_state import layout_of
 from rabbit_msgs import msg
 from rclpy.node import Node
-from rl_cbf_clf_controller.message_fields import state_values, terms_values
+from rl_cbf_clf_controller.message_fields import LONGEST_NAME, state_values, terms_values
 from rl_cbf_clf_controller.policy import ActorPolicy
 from rl_cbf_clf_controller.problem import Problem
 from std_msgs.msg import Header
@@ -23,23 +26,38 @@ NUMBERS = ("tick", "step_index", "failed")
 ARRAYS = tuple(field.name for field in fields(Transition) if field.name not in (*NUMBERS, "problem", "doubt"))
 
 
-def checked_part(part: str, message: Any, problem: Problem) -> Any:
-    """A tick's `state` with its header, or the controller's parts with its sender; raises `Refused`.
+@dataclass(frozen=True)
+class Form:
+    """What a tick's messages hold: of the `problem` that is learned, on a robot or task of this layout."""
 
-    Of `torque`, `controller_state` and `learner_terms` that is each what it tells of the `ControllerOutput`.
-    """
-    if part == "state":
-        return message.header, state_of(message, None, finite=message.running)
-    if part == "torque":
-        return message.sender, {"torque": torque_of(message)}
-    if part == "controller_state":
-        return message.sender, state_values(message)
-    values = terms_values(message)
-    sizes = tuple(len(names) for names in problem.observations if len(names) >= len(problem.observation))
-    if values["quantities"] != problem.quantities or len(values["observation"]) not in sizes:
-        got = f"quantities {values['quantities']}, {len(values['observation'])} observations"
-        raise Refused("not fit", f"{got}; this problem has {problem.quantities}, {' or '.join(map(str, sizes))}")
-    return message.sender, values
+    problem: Problem
+    layout: RobotLayout = LAYOUT
+    eta: int = 2 * JOINTS
+
+    @classmethod
+    def of_task(cls, task: ControlTask, problem: Problem) -> "Form":
+        """Of a task; `eta` is empty where it has no CLF."""
+        eta = task.tick.reads.get("eta")
+        return cls(problem, layout_of(task), eta.numel() if eta is not None else 0)
+
+    def checked(self, part: str, message: Any) -> Any:
+        """A tick's `state` with its header, or the controller's parts with its sender; raises `Refused`.
+
+        Of `torque`, `controller_state` and `learner_terms` that is each what it tells of the `ControllerOutput`.
+        """
+        if part == "state":
+            return message.header, state_of(message, None, message.running, self.layout)
+        if part == "torque":
+            return message.sender, {"torque": torque_of(message, len(self.layout.joints))}
+        problem = self.problem
+        if part == "controller_state":
+            return message.sender, state_values(message, problem.inputs, self.eta)
+        values = terms_values(message, problem.inputs)
+        sizes = tuple(len(names) for names in problem.observations if len(names) >= len(problem.observation))
+        if values["quantities"] != problem.quantities or len(values["observation"]) not in sizes:
+            got = f"quantities {values['quantities']}, {len(values['observation'])} observations"
+            raise Refused("not fit", f"{got}; this problem has {problem.quantities}, {' or '.join(map(str, sizes))}")
+        return message.sender, values
 
 
 class Publishers:
@@ -81,7 +99,7 @@ class Publishers:
         message = msg.Transition(
             header=at,
             episode=episode,
-            problem=str(transition.problem),
+            problem=str(transition.problem)[:LONGEST_NAME],
             reward_terms=doubles(reward_terms(transition, self._training)[0]),
             reward=reward(transition, self._training),
             doubt=int(transition.doubt),
