@@ -21,7 +21,6 @@ from rabbit_description.task_source import load_task
 from rabbit_description.task_state import layout_of, task_state
 from rabbit_msgs import msg
 from rclpy.qos import qos_profile_sensor_data
-from rl_cbf_clf_controller.policy import ActorPolicy
 from rl_cbf_clf_controller.task_controller import NOMINAL, TaskController
 from rl_cbf_clf_controller.weights import PolicyFile, read
 from rl_trainer.rollout import Record, rollout
@@ -269,7 +268,6 @@ def test_the_graph_learns_what_is_learned_in_process(world: Any, name: str) -> N
     simulated = {"episodes": 2, "readers": 2, "trainer": "follow", "answer_timeout": 60.0}
     start(world, "simulator", task=task, **simulated)
     expected, _ = train(load_task(task), 1, episodes=2)
-    assert isinstance(expected, ActorPolicy)
     path = folder / "policies" / "002.safetensors"
     world.wait(path.exists)
     learned = read(path)
@@ -312,6 +310,7 @@ def test_a_trainer_and_a_simulator_that_are_started_again_go_on(world: Any) -> N
     words.publish(lie)
     world.wait(lambda: any(each.episode == 77 for each in episodes))
     learns_on()
+    world.node.destroy_publisher(words)  # a new simulator would hear the lie
     for name, parameters in (("trainer", {"task": task, "folder": str(folder)}), ("simulator", played)):
         world.processes.stop([name])
         start(world, name, **parameters)

@@ -25,7 +25,7 @@ from rabbit_recording.commands.bag import app as bag_app
 from rabbit_recording.contents import contents
 from rl_cbf_clf_controller.task_controller import TaskController
 from rl_trainer.task_episode import ride_of
-from rl_trainer.task_training import measured_problem, train, write
+from rl_trainer.task_training import measured_problem, train
 from scipy.linalg import expm
 from typer.testing import CliRunner
 
@@ -157,7 +157,8 @@ def test_training_finds_the_error_and_keeps_the_barrier(task, tmp_path):
     controller = TaskController(task, problem)
     nominal, learned = (min(ride_of(controller, c, seed).margins[0] for seed in range(3)) for c in ("nominal", policy))
     assert learned > 0.2 * nominal
-    path = write(policy, tmp_path / "policy.safetensors")
+    path = tmp_path / "policy.safetensors"
+    policy.file.write(path)
     again = TaskController(task)
     assert again.controlling(str(path)).version == policy.version
     with pytest.raises(TaskError, match="trained for cart; this task is other"):

@@ -10,6 +10,7 @@ from cbf_clf_qp.functions import Array, NumpyFunction, Values, places_of
 from rabbit_description import plugins
 from rabbit_description.state import Leg, RobotState
 from rabbit_description.task import ControlTask, TaskError
+from rabbit_description.task_simulation import TaskSimulation
 from rabbit_description.task_state import p_of, x_of
 from rabbit_description.validation import one_of
 
@@ -97,8 +98,17 @@ class TaskController:
             raise PolicyFileError(f"for {then}: {problem.name} is now {now}")
         return ActorPolicy(file)
 
+    def rehearse(self) -> None:
+        """Compute a tick that nobody rides: the first call of a function takes longer."""
+        self.step(TaskSimulation(self.task).reset(0))
+        self.reset(0)
+
+    def output(self) -> ControllerOutput:
+        """All of the last tick."""
+        return self._output
+
     def step(self, state: RobotState) -> ControllerOutput:
-        """The tick at a state; raises whatever a controller of the task's own raises."""
+        """One tick: the input, and all that others read of it; raises whatever a controller of the task raises."""
         task, tick, x, p = self.task, self.task.tick, x_of(self.task, state), p_of(state)
         seen = tick.look(x, p)
         told = {
@@ -123,7 +133,9 @@ class TaskController:
             fault = f"no solver answered: {self.decided.status}"
         self._last = state, u
         is_saturated = bool(np.abs(u).max() >= self._limit)
-        return ControllerOutput(**told, torque=np.zeros_like(u) if fault else u, saturated=is_saturated, fault=fault)
+        told |= {"torque": np.zeros_like(u) if fault else u, "saturated": is_saturated, "fault": fault}
+        self._output = ControllerOutput(**told)
+        return self._output
 
     def _by_programme(self, state: RobotState, x: Array, p: Array, seen: Values) -> tuple[Array, dict[str, object]]:
         """The input (m,) that the QP decides, and what is told of it; `measured` is NaN after an impact or a gap."""

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,7 @@ from rl_cbf_clf_controller.task_controller import NOMINAL, ORACLE, TaskControlle
 
 from rl_trainer import session
 from rl_trainer.parameters import TrainingParameters
-from rl_trainer.task_episode import Ride, ride_of
+from rl_trainer.task_episode import Moment, Ride, ride_of
 from rl_trainer.training import Trainer
 from rl_trainer.transitions import Doubt, Transition, TransitionBuilder
 
@@ -34,20 +33,19 @@ def measured_problem(task: ControlTask, seed: int) -> Problem:
     """
     measure(task.tick.terms)  # raises ValueError where one difference cannot measure them
     controller = TaskController(task)
-    problem, alphas, betas, errors, moments = controller.problem, list[Array](), list[Array](), list[Array](), []
+    problem, greatest, errors, moments = controller.problem, list[tuple[Array, Array]](), list[Array](), list[Moment]()
     for i, name in enumerate((NOMINAL, ORACLE) * RIDES):
         ridden = ride_of(controller, name, seed * 1000 + i)
         moments += ridden.moments
         if name == NOMINAL:
             errors += [_error(transition, problem.has_clf) for transition in transitions_of(ridden, problem)]
         else:
-            greatest = (_greatest(moment.estimates, problem.has_clf) for moment in ridden.moments if moment.estimates)
-            for alpha, beta in greatest:
-                alphas.append(alpha)
-                betas.append(beta)
+            greatest += [_greatest(m.estimates, problem.has_clf) for m in ridden.moments if m.estimates]
     read = [moment.output.observation for moment in moments]
     means, deviations = np.mean(read, axis=0).tolist(), _floored(np.std(read, axis=0))
-    alpha_scale, beta_scale = (_floored(ROOM * np.quantile(each, QUANTILE, axis=0)) for each in (alphas, betas))
+    alpha_scale, beta_scale = (
+        _floored(ROOM * np.quantile(each, QUANTILE, axis=0)) for each in zip(*greatest, strict=True)
+    )
     return replace(
         problem,
         units=tuple(zip(problem.observation, means, deviations, strict=True)),
@@ -89,7 +87,7 @@ def _floored(values: Array) -> tuple[float, ...]:
 
 def train(
     task: ControlTask, seed: int, say: Callable[[str], object] = print, **changes: Any
-) -> tuple[LearnedPolicy, Problem]:
+) -> tuple[ActorPolicy, Problem]:
     """Ride with the present estimates and noise, learn from what was measured, repeat; the policy and what it learned.
 
     `changes`: of `TrainingParameters`. `say` hears how wrong the estimates were: the root of the mean square over an
@@ -115,10 +113,3 @@ def training_parameters(task: ControlTask, seed: int, **changes: Any) -> Trainin
     own = {**SLOW, **SCHEDULE, **of_mu, **task.training}
     asked = {"problem": problem, "seed": seed, "learner": "regression", **own, **changes}
     return TrainingParameters.model_validate(asked)
-
-
-def write(policy: LearnedPolicy, path: Path) -> Path:
-    """The policy's file."""
-    assert isinstance(policy, ActorPolicy)
-    policy.file.write(path)
-    return path

@@ -114,13 +114,13 @@ def test_nothing_is_measured_through_an_impact_or_under_another_input(later: dic
 
 def test_a_trainer_learns_it() -> None:
     """One input, one quantity, two observations: a fifth of the error without a policy is left."""
-    sizes = {"hidden1": 32, "hidden2": 32, "batch": 64, "updates_least": 1500}
+    sizes = {"hidden1": 32, "hidden2": 32, "batch": 64}
     parameters = TrainingParameters(problem=CLF_PROBLEM, learner="regression", seed=3, **sizes)
     trainer, rng = Trainer(parameters), np.random.default_rng(8)
     trainer.begin_episode()
     for _ in range(600):
         trainer.take(measured(rng.standard_normal(2), rng))
-    trainer.learn_episode()
+    trainer.learn(1500)
     policy, held_out = ActorPolicy(trainer.policy_file()), [measured(rng.standard_normal(2), rng) for _ in range(100)]
     errors = [policy.act(each.observation, each.LgV).error(each.mu) - each.target for each in held_out]
     assert np.linalg.norm(errors) < 0.2 * np.linalg.norm([each.target for each in held_out])

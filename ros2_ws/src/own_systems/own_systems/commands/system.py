@@ -118,18 +118,8 @@ def write_results(folder: Path, task: "ControlTask", ridden: "dict[str, list[Rid
     with complaints(OSError):
         with replacing(folder / "runs.csv") as partial, partial.open("w", newline="", encoding="utf-8") as file:
             table = csv.writer(file)
-            table.writerow(
-                [
-                    "controller",
-                    "seed",
-                    "ticks",
-                    "outcome",
-                    "reason",
-                    "kept",
-                    "impacts",
-                    *(b.name for b in task.barriers),
-                ]
-            )
+            names = (barrier.name for barrier in task.barriers)
+            table.writerow(["controller", "seed", "ticks", "outcome", "reason", "kept", "impacts", *names])
             for name, rides in ridden.items():
                 for ride in rides:
                     ended = len(ride.moments), ride.outcome, ride.reason, ride.is_kept, ride.impacts
@@ -152,12 +142,13 @@ def train(
     if out.suffix != ".safetensors":
         fail(f"--out {out}: expected a name that ends in .safetensors")
     new_file(out)
-    from rl_trainer.task_training import train, write
+    from rl_trainer.task_training import train
 
     changes: dict[str, Any] = {"learner": learner} | ({"episodes": episodes} if episodes else {})
     with complaints(ValueError, OSError):
         policy, _ = train(loaded, seed, **changes)
-        print(f"written {write(policy, out)}")
+        policy.file.write(out)
+        print(f"written {out}")
 
 
 @app.command()

@@ -5,17 +5,15 @@ from abc import ABC, abstractmethod
 from functools import partial
 from typing import Any
 
-from cbf_clf_qp.functions import Array
 from rabbit_common.ros.diagnostics import BARRIER
 from rabbit_description.gait import Gaits
 from rabbit_description.state import RobotState
 from rabbit_description.task import ControlTask, TaskError
-from rabbit_description.task_simulation import TaskSimulation
 from rabbit_description.user_code import fault_in_user_code
 from rabbit_msgs.msg import Episode
 
 from rl_cbf_clf_controller.controller import Controller
-from rl_cbf_clf_controller.controller_output import ControllerOutput
+from rl_cbf_clf_controller.controller_output import Acted, ControllerOutput
 from rl_cbf_clf_controller.fitted_policy import fitted
 from rl_cbf_clf_controller.message_fields import state_fields, terms_fields
 from rl_cbf_clf_controller.parameters import ControllerParameters
@@ -25,11 +23,11 @@ from rl_cbf_clf_controller.task_controller import NOMINAL, ORACLE, TaskControlle
 
 
 class Answerer(ABC):
-    """`built_in`: its controllers or policies by name; `fit`: what it makes of a policy's file."""
+    """With a controller. `built_in`: its policies by name; `fit`: what it makes of a policy's file."""
 
+    controller: Controller | TaskController
     built_in: dict[str, CheckedPolicy]
     fit: Fit
-    controller: Controller | TaskController
     is_new = True
 
     def begin(self, episode: Episode) -> None:
@@ -41,28 +39,20 @@ class Answerer(ABC):
         self.controller.policy = policy
         if self.is_new:
             self.is_new = False
-            self.rehearse()
+            self.controller.rehearse()
 
     @abstractmethod
-    def rehearse(self) -> None:
-        """Compute a tick that does not count: the first call of a function takes longer."""
-
-    @abstractmethod
-    def act(self, state: RobotState) -> tuple[Array, str]:
-        """The input (m,), and why the episode must end, or nothing; raises any error of a user's code."""
-
-    @property
-    @abstractmethod
-    def output(self) -> ControllerOutput:
-        """All of the last tick."""
+    def act(self, state: RobotState) -> Acted | ControllerOutput:
+        """What acts: of a user's code any error may be raised."""
 
     def state_fields(self) -> dict[str, Any]:
         """Of `ControllerState`."""
-        return state_fields(self.output)
+        return state_fields(self.controller.output())
 
     def terms_fields(self) -> dict[str, Any] | None:
         """Of `LearnerTerms`; None: there is nothing to learn from."""
-        return terms_fields(self.output) if self.output.quantities else None
+        output = self.controller.output()
+        return terms_fields(output) if output.quantities else None
 
     def figures(self) -> dict[str, object]:
         """For diagnostics."""
@@ -80,23 +70,13 @@ class RabbitAnswerer(Answerer):
         self.fit: Fit = partial(fitted, parameters=parameters, gaits=gaits)
         self.controller = Controller(parameters, gaits, zero)
 
-    def rehearse(self) -> None:
+    def act(self, state: RobotState) -> Acted:
         """See `Answerer`."""
-        self.controller.rehearse()
-
-    def act(self, state: RobotState) -> tuple[Array, str]:
-        """See `Answerer`."""
-        acted = self.controller.act(state)
-        return acted.torque, acted.fault
-
-    @property
-    def output(self) -> ControllerOutput:
-        """See `Answerer`."""
-        return self.controller.output()
+        return self.controller.act(state)
 
     def figures(self) -> dict[str, object]:
         """See `Answerer`."""
-        output = self.output
+        output = self.controller.output()
         barriers = zip(output.barrier_names, output.barriers.tolist(), strict=True)
         return {
             "ticks not answered by the chosen solver": self.controller.unanswered,
@@ -127,20 +107,9 @@ class TaskAnswerer(Answerer):
         self.controller.sigma = 0.0 if math.isnan(episode.sigma) else episode.sigma
         super().begin(episode)
 
-    def rehearse(self) -> None:
-        """See `Answerer`."""
-        self.act(TaskSimulation(self.controller.task).reset(0))
-        self.controller.reset(0)
-
-    def act(self, state: RobotState) -> tuple[Array, str]:
-        """See `Answerer`; raises ValueError, which is a line."""
+    def act(self, state: RobotState) -> ControllerOutput:
+        """See `Answerer`; what a controller of the task's own raises becomes a ValueError of one line."""
         try:
-            self._output = self.controller.step(state)
-        except Exception as error:  # a controller of the task's own may raise anything
+            return self.controller.step(state)
+        except Exception as error:
             raise ValueError(fault_in_user_code(error) or str(error)) from error
-        return self._output.torque, self._output.fault
-
-    @property
-    def output(self) -> ControllerOutput:
-        """See `Answerer`."""
-        return self._output

@@ -167,13 +167,14 @@ class RobotControllerNode(CheckedNode):
         if policy := self._policies.swap((1, self._ticks), ""):
             self._answerer.follow(policy)
         try:
-            u, fault = self._answerer.act(task_state(self.task, x, p, NOT_MEASURED, self._ticks))
+            acted = self._answerer.act(task_state(self.task, x, p, NOT_MEASURED, self._ticks))
         except Exception as error:  # the task is a user's
-            fault = reason_of(error)
-        if fault:
-            self._stop(fault)
+            self._stop(reason_of(error))
             return
-        self._send(u)
+        if acted.fault:
+            self._stop(acted.fault)
+            return
+        self._send(acted.torque)
         head = {"header": header, "episode": 1, "tick": self._ticks, "sender": self._sender}
         if self._details.get_subscription_count():
             self._details.publish(ControllerState(**head, **self._answerer.state_fields()))

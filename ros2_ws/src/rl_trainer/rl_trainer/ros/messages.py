@@ -1,15 +1,13 @@
 """Who publishes the trainer's messages, from its dataclasses; and what the trainer hears, checked."""
 
 from array import array
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from typing import Any
 
 from rabbit_common.message_checks import Refused, doubles
 from rabbit_common.ros.conversions import state_of, torque_of
 from rabbit_common.ros.qos import EVENT, TICK, WEIGHTS
 from rabbit_description.state import JOINTS, LAYOUT, RobotLayout
-from rabbit_description.task import ControlTask
-from rabbit_description.task_state import layout_of
 from rabbit_msgs import msg
 from rclpy.node import Node
 from rl_cbf_clf_controller.message_fields import LONGEST_NAME, state_values, terms_values
@@ -26,38 +24,24 @@ NUMBERS = ("tick", "step_index", "failed")
 ARRAYS = tuple(field.name for field in fields(Transition) if field.name not in (*NUMBERS, "problem", "doubt"))
 
 
-@dataclass(frozen=True)
-class Form:
-    """What a tick's messages hold: of the `problem` that is learned, on a robot or task of this layout."""
+def checked_part(part: str, message: Any, problem: Problem, layout: RobotLayout) -> Any:
+    """A tick's `state` with its header, or the controller's parts with its sender; raises `Refused`.
 
-    problem: Problem
-    layout: RobotLayout = LAYOUT
-    eta: int = 2 * JOINTS
-
-    @classmethod
-    def of_task(cls, task: ControlTask, problem: Problem) -> "Form":
-        """Of a task; `eta` is empty where it has no CLF."""
-        eta = task.tick.reads.get("eta")
-        return cls(problem, layout_of(task), eta.numel() if eta is not None else 0)
-
-    def checked(self, part: str, message: Any) -> Any:
-        """A tick's `state` with its header, or the controller's parts with its sender; raises `Refused`.
-
-        Of `torque`, `controller_state` and `learner_terms` that is each what it tells of the `ControllerOutput`.
-        """
-        if part == "state":
-            return message.header, state_of(message, None, message.running, self.layout)
-        if part == "torque":
-            return message.sender, {"torque": torque_of(message, len(self.layout.joints))}
-        problem = self.problem
-        if part == "controller_state":
-            return message.sender, state_values(message, problem.inputs, self.eta)
-        values = terms_values(message, problem.inputs)
-        sizes = tuple(len(names) for names in problem.observations if len(names) >= len(problem.observation))
-        if values["quantities"] != problem.quantities or len(values["observation"]) not in sizes:
-            got = f"quantities {values['quantities']}, {len(values['observation'])} observations"
-            raise Refused("not fit", f"{got}; this problem has {problem.quantities}, {' or '.join(map(str, sizes))}")
-        return message.sender, values
+    Of `torque`, `controller_state` and `learner_terms` that is each what it tells of the `ControllerOutput`.
+    """
+    if part == "state":
+        return message.header, state_of(message, None, message.running, layout)
+    if part == "torque":
+        return message.sender, {"torque": torque_of(message, len(layout.joints))}
+    if part == "controller_state":
+        eta = 2 * JOINTS if layout is LAYOUT else len(message.eta)  # nobody needs a task's
+        return message.sender, state_values(message, problem.inputs, eta)
+    values = terms_values(message, problem.inputs)
+    sizes = tuple(len(names) for names in problem.observations if len(names) >= len(problem.observation))
+    if values["quantities"] != problem.quantities or len(values["observation"]) not in sizes:
+        got = f"quantities {values['quantities']}, {len(values['observation'])} observations"
+        raise Refused("not fit", f"{got}; this problem has {problem.quantities}, {' or '.join(map(str, sizes))}")
+    return message.sender, values
 
 
 class Publishers:

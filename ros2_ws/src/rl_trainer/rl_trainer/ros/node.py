@@ -19,8 +19,10 @@ from rabbit_common.ros.qos import EVENT, TICK
 from rabbit_common.ros.simulator_follower import SimulatorFollower
 from rabbit_common.ros.spin import run, steady_timer
 from rabbit_description import ABOUT_TASK
+from rabbit_description.state import LAYOUT
 from rabbit_description.task import TaskError
 from rabbit_description.task_source import load_task
+from rabbit_description.task_state import layout_of
 from rabbit_msgs import msg
 from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.policy import ZeroPolicy
@@ -30,7 +32,7 @@ from std_msgs.msg import Header
 from rl_trainer.checkpoint import CheckpointError
 from rl_trainer.learning_thread import LearningThread
 from rl_trainer.parameters import TrainingParameters
-from rl_trainer.ros.messages import Form, Publishers
+from rl_trainer.ros.messages import Publishers, checked_part
 from rl_trainer.task_training import training_parameters
 from rl_trainer.tick_synchronizer import Event, Tick, TickSynchronizer
 from rl_trainer.training import Provenance, Trainer
@@ -72,7 +74,7 @@ class TrainerNode(SimulatorFollower):
         task = load_task(own.task) if own.task else None
         default = training_parameters(task, self._seed()) if task else None
         self._training = declare(self, TrainingParameters, default=default)
-        self._form = Form.of_task(task, self._training.problem) if task else Form(self._training.problem)
+        self._layout = layout_of(task) if task else LAYOUT
         refuse_unknown(self)
         folder = Path(own.folder) if own.folder else None
         self._published = Publishers(self, self._training, own.plan_episodes)
@@ -122,7 +124,7 @@ class TrainerNode(SimulatorFollower):
             raise Refused(judged, f"episode {message.episode}, tick {message.tick}")
         checked = None  # what is refused is lost
         try:
-            checked = self._form.checked(part, message)
+            checked = checked_part(part, message, self._training.problem, self._layout)
             self._message_counter.accept(part)
         finally:
             if self._is_joining:
@@ -133,7 +135,7 @@ class TrainerNode(SimulatorFollower):
     def _on_episode(self, message: msg.Episode) -> None:
         if self._started and message.episode <= self._ticks.done and message.phase != msg.Episode.WAITING:
             self._on_known_episode(message)
-        check_episode(message, self._ticks.done if self._started else 0, self._form.layout)
+        check_episode(message, self._ticks.done if self._started else 0, self._layout)
         self._message_counter.accept("episode")
         self._newest = message
         if not self._started:
