@@ -14,7 +14,6 @@ import rabbit_sim.ros.task_robot
 import rl_cbf_clf_controller.ros.node
 import rl_cbf_clf_controller.ros.robot_controller
 import rl_trainer.ros.node
-import rl_trainer.ros.task_trainer
 from common import ROOT, WORKSPACE
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
@@ -35,7 +34,6 @@ NODES: Mapping[str, tuple[type[BaseModel], ...]] = {
     "trainer": (rl_trainer.ros.node.NodeParameters, TrainingParameters),
     "recorder": (recorder.NodeParameters,),
     "viewer": (ViewerParameters,),
-    "trainer of a task": (rl_trainer.ros.task_trainer.NodeParameters,),
     "robot": (rabbit_sim.ros.task_robot.NodeParameters,),
     "robot_controller": (rl_cbf_clf_controller.ros.robot_controller.RobotParameters,),
 }

@@ -24,9 +24,9 @@ from rabbit_description.task import Moved, OwnController
 from rabbit_residual.fleet import Rollout
 from rabbit_residual.ppo import Ppo, PpoParameters
 from rl_cbf_clf_controller.network import Actor
-from rl_cbf_clf_controller.task_controller import NOMINAL
+from rl_cbf_clf_controller.task_controller import NOMINAL, TaskController
 from rl_cbf_clf_controller.weights import PolicyFileError, layer_shapes
-from rl_trainer.task_episode import Rider
+from rl_trainer.task_episode import ride_of
 
 from rabbit_rivals.model_file import About, ModelFile, read
 
@@ -63,19 +63,19 @@ def units_of(task: ControlTask) -> TaskAbout:
     """
     if "V" not in task.tick.names:
         raise TaskError(f"{task.name}: no Clf among its quantities; expected one, which says what is to be followed")
-    rider = Rider(task)
-    moments = [moment for seed in range(RIDES) for moment in rider.ride(NOMINAL, seed).moments]
-    seen = np.array([whole(task, m.seen, m.p) for m in moments])
+    controller = TaskController(task)
+    moments = [moment for seed in range(RIDES) for moment in ride_of(controller, NOMINAL, seed).moments]
+    seen = np.array([whole(task, m.output, m.p) for m in moments])
     deviation = seen.std(axis=0)
     used = ROOM * np.quantile(np.abs([m.u for m in moments]), USED, axis=0)
-    eta = [f"eta{i + 1}" for i in range(len(moments[0].seen.eta))]
+    eta = [f"eta{i + 1}" for i in range(len(moments[0].output.eta))]
     return TaskAbout(
         task=task.name,
         reads=(*task.observed, *task.commanded, *(each.name for each in task.barriers), *eta),
         center=seen.mean(axis=0).tolist(),
         scale=np.where(deviation > 0, deviation, 1.0).tolist(),
         inputs=(used if task.limit is None else np.full(used.shape, task.limit)).tolist(),
-        V=float(np.median([m.seen.V for m in moments])),
+        V=float(np.median([m.output.V for m in moments])),
     )
 
 

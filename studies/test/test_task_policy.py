@@ -14,7 +14,8 @@ from rabbit_description.task_source import load_task
 from rabbit_rivals import task_policy
 from rabbit_rivals.commands.rival import app as rival
 from rabbit_rivals.task_policy import BROKEN, PER_TICK, TaskVectorEnv
-from rl_trainer.task_episode import Rider
+from rl_cbf_clf_controller.task_controller import TaskController
+from rl_trainer.task_episode import ride_of
 from typer.testing import CliRunner
 
 
@@ -80,14 +81,14 @@ def test_a_trained_file_rides_in_the_same_evaluation_and_its_recording_replays(c
     assert said.exit_code == 0, said.output
     assert f"ppo:{out}" in json.loads((tmp_path / "e" / "summary.json").read_text())
     task = load_task(str(cart))
-    rider = Rider(task)
-    ride = rider.ride(rider.controlling(f"ppo:{out}"), 3)
+    controller = TaskController(task)
+    ride = ride_of(controller, controller.controlling(f"ppo:{out}"), 3)
     assert max(abs(m.u[0]) for m in ride.moments) <= 20.0
     write_ride(ride, tmp_path / "bag", None)
     assert differing(task, tmp_path / "bag") == (len(ride.moments), [], 0.0)
     with pytest.raises(TaskError, match="trained for cart; this task is other"):
-        Rider(replace(task, name="other")).controlling(f"ppo:{out}")
+        TaskController(replace(task, name="other")).controlling(f"ppo:{out}")
     for name in ("nosuch:x", "ppo:nosuch"):
         with pytest.raises(TaskError, match="nosuch"):
-            rider.controlling(name)
+            controller.controlling(name)
     assert task_policy.read(out, task_policy.TaskAbout).about.ticks >= 5000

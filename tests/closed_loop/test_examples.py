@@ -9,7 +9,8 @@ import casadi as ca
 import numpy as np
 import pytest
 from cbf_clf_qp.functions import NumpyFunction
-from rl_trainer.task_episode import Rider
+from rl_cbf_clf_controller.task_controller import TaskController
+from rl_trainer.task_episode import ride_of
 from rl_trainer.task_training import train
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -72,10 +73,10 @@ def test_own_robots_energy_changes_by_the_motors_power():
 
 def test_segway_learns_to_keep_the_limit():
     task = load("segway").TASK
-    rider = Rider(task)
+    controller = TaskController(task)
 
     def worst(controlling):
-        return -min(rider.ride(controlling, 77_000_000 + k).margins[0] for k in range(2))
+        return -min(ride_of(controller, controlling, 77_000_000 + k).margins[0] for k in range(2))
 
     nominal = worst("nominal")
     assert nominal > 0.3

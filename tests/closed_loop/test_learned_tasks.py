@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 from rabbit_description.task_source import load_task
-from rl_trainer.task_episode import Rider
+from rl_cbf_clf_controller.task_controller import TaskController
+from rl_trainer.task_episode import ride_of
 from rl_trainer.task_training import train
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
@@ -24,10 +25,10 @@ EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 )
 def test_five_trainings_keep_what_the_nominal_controller_breaks(name, first):
     task = load_task(str(EXAMPLES / name))
-    rider, kept = Rider(task), dict.fromkeys(("nominal", "learned", "oracle"), 0)
+    controller, kept = TaskController(task), dict.fromkeys(("nominal", "learned", "oracle"), 0)
     for seed in range(first, first + 5):  # none of them was looked at while tasks and defaults were chosen
         policy, _ = train(task, seed)
         for label, controlling in (("nominal", "nominal"), ("learned", policy), ("oracle", "oracle")):
-            kept[label] += sum(rider.ride(controlling, 1_000_000 * seed + k).is_kept for k in range(10))
+            kept[label] += sum(ride_of(controller, controlling, 1_000_000 * seed + k).is_kept for k in range(10))
     assert (kept["learned"], kept["oracle"]) == (50, 50)
     assert kept["nominal"] < 25  # it breaks the limit in most

@@ -20,9 +20,9 @@ from rabbit_gait_design.hybrid_zero_dynamics import RepeatedStep, Walker
 from rabbit_gait_design.pinocchio_model import PinocchioModel
 from rabbit_recording.contents import contents
 from rl_cbf_clf_controller.planar_walker import read_walker
-from rl_trainer.task_episode import Rider
-from rl_trainer.task_training import train
-from rl_trainer.transitions import Doubt
+from rl_cbf_clf_controller.task_controller import TaskController
+from rl_trainer.task_episode import ride_of
+from rl_trainer.task_training import train, transitions_of
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 GRAVITY, BOUNCE = 9.81, 0.8
@@ -60,10 +60,10 @@ def test_a_ball_bounces_by_its_closed_form():
 
 
 def test_an_episode_is_done_after_its_impacts_and_failed_without_them():
-    ride = Rider(ball(impacts=2)).ride("nominal", 1)
+    ride = ride_of(TaskController(ball(impacts=2)), "nominal", 1)
     assert (ride.outcome, ride.impacts) == ("done", 2)
-    assert ride.moments[-1].impacts == 1
-    late = Rider(ball(impacts=3, duration=1.5)).ride("nominal", 1)
+    assert ride.moments[-1].state.touchdowns == 1
+    late = ride_of(TaskController(ball(impacts=3, duration=1.5)), "nominal", 1)
     assert (late.outcome, late.impacts, len(late.moments)) == ("failed", 2, 30)
 
 
@@ -117,13 +117,13 @@ def test_an_impact_is_pinocchios_and_loses_energy(walker):
 def test_a_walk_is_the_rigid_plants_under_the_same_torques(walker):
     """Another integrator of another model, which knows left and right; two steps, for held torques are unstable."""
     task = replace(walker.task, impacts=2)
-    ride, urdf = Rider(task).ride("oracle", 3), scaled(walker.urdf, 2.0)
+    ride, urdf = ride_of(TaskController(task), "oracle", 3), scaled(walker.urdf, 2.0)
     assert ride.outcome == "done"
     plant, n = PlanarPlant(dynamics_of(urdf, walker.feet), only_ahead=True), len(walker.coordinates)
     plant.reset(*floating(walker, ride.moments[0].x), Leg.LEFT)
     for moment in ride.moments:
         now = plant.observe()
-        swapped = moment.impacts % 2
+        swapped = moment.state.touchdowns % 2
         order, motors = (walker.order, walker.swap) if swapped else (slice(None), slice(None))
         assert now.q[order][2:] == pytest.approx(moment.x[1 : 1 + n], abs=1e-6)
         assert now.dq[order][2:] == pytest.approx(moment.x[2 + n :], abs=1e-4)
@@ -144,19 +144,19 @@ def test_the_gait_repeats(walker):
 
 def test_at_twice_the_mass_the_oracle_walks_and_the_nominal_controller_falls(walker):
     task = replace(walker.task, impacts=10)
-    assert Rider(replace(task, true={})).ride("nominal", 5).outcome == "done"
-    rider = Rider(task)
-    assert rider.ride("oracle", 5).outcome == "done"
-    ride = rider.ride("nominal", 5)
+    assert ride_of(TaskController(replace(task, true={})), "nominal", 5).outcome == "done"
+    controller = TaskController(task)
+    assert ride_of(controller, "oracle", 5).outcome == "done"
+    ride = ride_of(controller, "nominal", 5)
     assert ride.outcome == "failed"
     assert ride.impacts <= 5
 
 
 def test_no_transition_spans_an_impact_and_the_oracles_estimates_are_what_is_measured(walker):
     task = replace(walker.task, impacts=6)
-    rider = Rider(task)
-    ride = rider.ride("oracle", 3, noise=1.0)
-    transitions, jumps = rider.ticks.transitions, ride.moments[-1].impacts
+    controller = TaskController(task)
+    ride = ride_of(controller, "oracle", 3, sigma=1.0)
+    transitions, jumps = transitions_of(ride, controller.problem), ride.moments[-1].state.touchdowns
     assert jumps == 5
     assert len(transitions) == len(ride.moments) - 1 - jumps
     errors, targets = (np.array([getattr(item, name)[0] for item in transitions]) for name in ("error", "target"))
@@ -165,7 +165,7 @@ def test_no_transition_spans_an_impact_and_the_oracles_estimates_are_what_is_mea
 
 def test_a_walk_is_recorded_and_replayed_to_the_bit(walker, tmp_path):
     task = replace(walker.task, impacts=5)
-    ride = Rider(task).ride("oracle", 3)
+    ride = ride_of(TaskController(task), "oracle", 3)
     write_ride(ride, tmp_path / "bag", None)
     (episode,) = contents(tmp_path / "bag").episodes
     assert (episode.recorded, episode.lost, episode.outcome) == (len(ride.moments), 0, "done")
@@ -177,12 +177,13 @@ def test_a_short_training_finds_most_of_the_error():
     """Held out: a walk of the oracle, which no training saw; 1 is the nominal controller's error."""
     task = load_task(str(EXAMPLES / "three_link_walker.yaml"))
     policy, problem = train(replace(task, impacts=10), 1, episodes=3)
-    rider = Rider(replace(task, impacts=6), problem)
-    assert rider.ride("oracle", 77, noise=1.0).outcome == "done"
-    sound = [item for item in rider.ticks.transitions if not item.doubt & ~Doubt.SATURATED]
+    controller = TaskController(replace(task, impacts=6), problem)
+    ride = ride_of(controller, "oracle", 77, sigma=1.0)
+    assert ride.outcome == "done"
+    sound = transitions_of(ride, problem)
     error = [policy.act(item.observation, item.LgV).error(item.mu)[0] - item.target[0] for item in sound]
     assert np.linalg.norm(error) < 0.3 * np.linalg.norm([item.target[0] for item in sound])
-    assert rider.ride(policy, 77).outcome == "done"
+    assert ride_of(controller, policy, 77).outcome == "done"
 
 
 @pytest.mark.parametrize(
@@ -209,14 +210,14 @@ def test_a_wrong_file_is_one_line(tmp_path, old, new, text):
 def test_a_failure_names_its_limit(tmp_path):
     """Each limit in turn is set to where the three-link walker passes it first."""
     walker = read_walker(EXAMPLES / "three_link_walker.yaml")
-    ride = Rider(replace(walker.task, impacts=10)).ride("nominal", 5)
+    ride = ride_of(TaskController(replace(walker.task, impacts=10)), "nominal", 5)
     assert ride.outcome == "failed"
     name, value = ride.reason.split(":")[0].split(" = ")
     assert name in walker.task.limits
     limit = walker.task.limits[name]
     assert not limit.least <= float(value) <= limit.most
     high = replace(walker.task, failed={"hip": Limit(walker.task.limits["hip"].value, least=2.0, unit="m")})
-    ended = Rider(high).ride("oracle", 5)
+    ended = ride_of(TaskController(high), "oracle", 5)
     assert (ended.outcome, len(ended.moments)) == ("failed", 1)
     assert re.fullmatch(r"hip = 0\.9\d+: expected at least 2 m", ended.reason)
     write_ride(ended, tmp_path / "bag", None)

@@ -11,7 +11,7 @@ import rclpy
 from rabbit_common.guard import guarded
 from rabbit_common.ros.checked_node import FAULT, CheckedNode
 from rabbit_common.ros.services import call_service, guard_services
-from rabbit_common.task_messages import parameter_fields, state_fields
+from rabbit_common.task_messages import measured_fields, parameter_fields
 from rabbit_description.task_source import load_task
 from rabbit_description.task_state import task_state
 from rabbit_msgs.msg import Episode, EpisodePlan, RobotState, TaskParameters
@@ -123,7 +123,7 @@ def test_a_state_of_an_episode_that_never_was_makes_no_controller_deaf() -> None
         x, commands, _ = task.beginning(1)
         turn = {"episode": 1, "tick": 0}
         now = task.parameters_at({}, commands(0.0))
-        state = state_fields(task_state(task, x, now, np.full(1, math.nan)))
+        state = measured_fields(task_state(task, x, now, np.full(1, math.nan)))
         p = parameter_fields(task, now)
         for topic, message in (
             ("/episode", Episode(episode=1, phase=Episode.RUNNING, sigma=math.nan, tick_seconds=task.seconds)),

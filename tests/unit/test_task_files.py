@@ -8,7 +8,8 @@ from own_systems import TaskError
 from own_systems.commands.system import app
 from rabbit_bringup.cli import app as rabbit
 from rabbit_description.task_source import load_task
-from rl_trainer.task_episode import Rider
+from rl_cbf_clf_controller.task_controller import TaskController
+from rl_trainer.task_episode import ride_of
 from rl_trainer.task_training import train
 from typer.testing import CliRunner
 
@@ -44,8 +45,8 @@ def test_an_error_in_a_task_names_file_and_line(tmp_path: Path, old: str, new: s
 def test_a_barrier_of_degree_4_is_kept_by_the_oracle_and_nothing_is_learned_of_it() -> None:
     """A ball on a beam: the oracle meets the row of the true ball, the nominal controller that of its model."""
     task = load_task(str(BALL))
-    rider = Rider(task)
-    nominal, oracle = (rider.ride(controller, 1) for controller in ("nominal", "oracle"))
+    controller = TaskController(task)
+    nominal, oracle = (ride_of(controller, name, 1) for name in ("nominal", "oracle"))
     assert (nominal.outcome, oracle.outcome) == ("done", "done")
     assert nominal.margins[0] < -0.05
     assert 0 <= oracle.margins[0] < 0.005  # it comes near

@@ -12,8 +12,7 @@ from rabbit_viewer.page.broadcast import Broadcast
 from rabbit_viewer.page.recording import serve_or_write
 from rabbit_viewer.page.rows import EVENTS, packed
 from rl_cbf_clf_controller.explanation import Explanation, changes, explain
-from rl_cbf_clf_controller.task_controller import Moment
-from rl_trainer.task_episode import Ride
+from rl_trainer.task_episode import Moment, Ride
 
 OF_A_ROW = ("margin", "active", "slack", "multiplier")  # of the QP
 COMMON = ("tick", "running", "events", "touchdowns")  # of all that the page shows
@@ -61,20 +60,17 @@ class RideRows:
 
     def row(self, tick: int, moment: Moment, running: bool = True) -> list[float]:
         """Of a moment."""
-        task, decided = self.task, moment.decided
-        is_saturated = task.limit is not None and bool(np.abs(moment.u).max() >= task.limit)
-        numbers = [float(tick), float(running), float(EVENTS["saturated"] * is_saturated), float(moment.impacts)]
-        numbers += [float(moment.seen.V[0]) if moment.seen is not None and "V" in task.tick.names else np.nan]
-        numbers += [*moment.barriers.tolist(), *moment.u.tolist()]
-        if decided is None:
-            numbers += [np.nan] * (len(OF_A_ROW) * len(self._rows))
+        output, events = moment.output, EVENTS["saturated"] * moment.output.saturated
+        numbers = [float(tick), float(running), float(events), float(moment.state.touchdowns), output.V]
+        numbers += [*output.barriers.tolist(), *output.torque.tolist()]
+        if output.rows:
+            numbers += [float(output.margins[at].min()) for at in self._places]
+            numbers += [0.0 if name in output.active else np.nan for name in self._rows]
+            numbers += [float(output.slacks[at].max()) for at in self._places]
+            numbers += [float(np.abs(output.multipliers[at]).max()) for at in self._places]
         else:
-            values = decided.values
-            numbers += [float(values.row_margin[at].min()) for at in self._places]
-            numbers += [0.0 if name in decided.active else np.nan for name in self._rows]
-            numbers += [float(values.slack[at].max()) for at in self._places]
-            numbers += [float(np.abs(values.multiplier[at]).max()) for at in self._places]
-        return numbers + numbers_of(pictured(task, moment.x, moment.p), self._most)
+            numbers += [np.nan] * (len(OF_A_ROW) * len(self._rows))
+        return numbers + numbers_of(pictured(self.task, moment.x, moment.p), self._most)
 
 
 def pictured(task: ControlTask, x: Array, p: Array) -> Sequence[Shape]:
@@ -139,11 +135,9 @@ def explained(ride: Ride, tick: int) -> tuple[Explanation, list[str]]:
 
 def title_of_tick(ride: Ride, tick: int) -> str:
     """Which one it is."""
-    return f"{ride.task.name}, {ride.controller}, tick {tick} ({ride.moments[tick].time:.2f} s)"
+    return f"{ride.task.name}, {ride.controller}, tick {tick} ({ride.moments[tick].output.step_time:.2f} s)"
 
 
 def worst_tick(ride: Ride) -> int:
     """The one whose slacks of last resort are largest in all."""
-    decided = [moment.decided for moment in ride.moments]
-    sums = [each.values.slack_sums[1] if each else -1.0 for each in decided]
-    return int(np.nan_to_num(sums, nan=-1.0).argmax())
+    return int(np.nan_to_num([moment.output.rescue_slack for moment in ride.moments], nan=-1.0).argmax())

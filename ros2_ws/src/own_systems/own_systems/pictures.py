@@ -10,8 +10,7 @@ from matplotlib.patches import Circle
 from rabbit_description.task import ControlTask, Line, Shape
 from rabbit_viewer import style
 from rabbit_viewer.video import FRAME_RATE, encode
-from rl_cbf_clf_controller.task_controller import Moment
-from rl_trainer.task_episode import Ride
+from rl_trainer.task_episode import Moment, Ride
 
 from own_systems.page import RideRows, pictured
 
@@ -46,7 +45,7 @@ def draw_ride(ride: Ride, path: Path) -> Path:
     made = RideRows(ride.task)
     panels = [panel for panel in made.panels(ride.has_qp) if panel["columns"] and "of" not in panel]
     table = np.array([made.row(k, moment) for k, moment in enumerate(ride.moments)])
-    time, values = [each.time for each in ride.moments], dict(zip(made.columns, table.T, strict=True))
+    time, values = [moment.output.step_time for moment in ride.moments], dict(zip(made.columns, table.T, strict=True))
     with style.look():
         figure, places = style.figure(len(panels), height=1.9)
         for panel, axes in zip(panels, places, strict=True):
@@ -90,9 +89,9 @@ def film(ride: Ride, path: Path) -> list[Path]:
 
 def title_of(ride: Ride, moment: Moment) -> str:
     """Which ride, when, and the value of each barrier."""
-    values = zip(ride.task.barriers, moment.barriers, strict=True)
+    values = zip(ride.task.barriers, moment.output.barriers, strict=True)
     told = (f"{each.name}: {value:.3f}" for each, value in values)
-    return "\n".join([f"{ride.task.name}, {ride.controller}, {moment.time:.1f} s", *told])
+    return "\n".join([f"{ride.task.name}, {ride.controller}, {moment.output.step_time:.1f} s", *told])
 
 
 def corners_of(shape: Shape) -> Array:

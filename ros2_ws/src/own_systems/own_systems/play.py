@@ -14,14 +14,16 @@ import casadi as ca
 import numpy as np
 from pydantic import Field, create_model
 from rabbit_description.task import Commands, ControlTask, TaskError
+from rabbit_description.task_simulation import TaskSimulation
 from rabbit_description.task_source import load_task
 from rabbit_description.user_code import fault_in_user_code
 from rabbit_viewer.page import Checked
 from rabbit_viewer.play import playing
 from rabbit_viewer.play.messages import Asked, Choose, Push
 from rabbit_viewer.play.settings import NOBODY, Number, PlayError, described, shown
-from rl_cbf_clf_controller.task_controller import Moment
-from rl_trainer.task_episode import Ride, Rider
+from rl_cbf_clf_controller.task_controller import TaskController
+from rl_trainer.rollout import Record
+from rl_trainer.task_episode import Ride, moment_of
 
 from own_systems.page import RideRows, ended_of, explained, numbers_of, pictured
 
@@ -110,12 +112,13 @@ def altered(task: ControlTask, settings: Any, commands: Commands) -> Commands:
 class PlayedRide:
     """A ride, tick by tick; see `playing.Shown`. A task is a person's own code: whatever it raises ends its ride."""
 
-    def __init__(self, rider: Rider, name: str, rows: RideRows, seed: int) -> None:
+    def __init__(self, task: ControlTask, name: str, rows: RideRows, settings: Any) -> None:
         """Raises `TaskError`."""
-        controlling = rider.controlling(name)
-        self.name, self._rows, self._has_qp = Path(name).stem, rows, name not in rider.own
-        self._ride = Ride(rider.task, self.name, seed)
-        self._moments = rider.moments(controlling, seed, ride=self._ride)
+        self.simulation, self.controller = TaskSimulation(task), TaskController(task)
+        self.simulation.altered = partial(altered, task, settings)
+        self.controller.policy = self.controller.controlling(name)
+        self.name, self._rows, self._has_qp = Path(name).stem, rows, name not in self.controller.own
+        self._ride = Ride(task, self.name, settings.seed)
         self.row, self.outcome = [math.nan] * len(rows.columns), ""
 
     @property
@@ -130,15 +133,20 @@ class PlayedRide:
 
     def tick(self) -> None:
         """Go on one tick; the last row comes twice."""
-        moments = self._ride.moments
+        ride, moments = self._ride, self._ride.moments
         try:
-            moment: Moment | None = next(self._moments, None)
-            if moment is not None:
-                self.row = self._rows.row(len(moments), moment)
+            if moments:
+                state = self.simulation.step(moments[-1].u)
+            else:
+                state = self.simulation.reset(ride.seed)
+                self.controller.reset(ride.seed)
+            if state.running:
+                moment = moment_of(self.controller, Record(state, self.controller.step(state)))
+                self.row, ride.impacts = self._rows.row(len(moments), moment), state.touchdowns
                 moments.append(moment)
-                if moment.decided is None or moment.decided.solved:
+                if not moment.output.fault:
                     return
-                self._ride.outcome = "no answer"
+            ride.end(self.simulation, state)
         except Exception as error:
             self._ride.outcome = fault_in_user_code(error) or " ".join(f"{type(error).__name__}: {error}".split())
         self.outcome = self._ride.outcome
@@ -159,7 +167,7 @@ class TaskPlayer(playing.Playing):
         self._tasks = task, replace(task)  # each with a tick of its own
         self.tick_seconds = task.seconds
         self.model = settings_of(task, start)
-        self._riders: list[Rider] = []
+        self._rides: list[PlayedRide] = []
         try:
             x, commands, _ = task.beginning(start.seed)
             most = ROOM * len(numbers_of(pictured(task, x, task.parameters_at({}, commands(0.0)))))
@@ -171,11 +179,8 @@ class TaskPlayer(playing.Playing):
     def made(self, settings: Any) -> tuple[list[PlayedRide], dict[str, Any]]:
         """See `Playing`."""
         names = [name for name in (settings.first, settings.second) if name != NOBODY]
-        riders = [Rider(task) for task in self._tasks[: len(names)]]
-        for rider in riders:
-            rider.altered = partial(altered, rider.task, settings)
-        rides = [PlayedRide(*each, settings.seed) for each in zip(riders, names, self._rows, strict=False)]
-        self._riders = riders
+        played = zip(self._tasks, names, self._rows, strict=False)
+        self._rides = rides = [PlayedRide(*each, settings) for each in played]
         self._change(settings)
         about = {
             "title": f"{self._tasks[0].name}, seed {settings.seed}",
@@ -196,8 +201,10 @@ class TaskPlayer(playing.Playing):
 
     def _change(self, settings: Any) -> None:
         """The plants."""
-        for rider in self._riders:
-            rider.true.update({name: getattr(settings, TRUE + name) for name in self._tasks[0].nominal})
+        true = {name: getattr(settings, TRUE + name) for name in self._tasks[0].nominal}
+        for ride in self._rides:
+            ride.simulation.true.update(true)
+            ride.controller.true.update(true)
 
     def _opening(self, settings: Any) -> str:
         """One sentence: what the model gets wrong."""

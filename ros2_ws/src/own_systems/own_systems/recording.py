@@ -11,18 +11,20 @@ import numpy as np
 from cbf_clf_qp.functions import Array
 from rabbit_common.executables import sourced_share
 from rabbit_common.message_checks import Refused, array_of, doubles
-from rabbit_common.task_messages import parameter_fields, parameters_of, state_fields, state_of
+from rabbit_common.task_messages import measured_fields, parameter_fields, state_of
+from rabbit_description.state import RobotState
 from rabbit_description.task import ControlTask
-from rabbit_description.task_state import layout_of, task_state
+from rabbit_description.task_state import layout_of, p_of
 from rabbit_recording import RecordingError
 from rabbit_recording.bag_writer import BagWriter, graph_types
 from rabbit_recording.open_recording import one_line_errors
 from rabbit_recording.reader import iterate_inventories, messages
+from rl_cbf_clf_controller.message_fields import state_fields, terms_fields
 from rl_cbf_clf_controller.policy import ActorPolicy
-from rl_cbf_clf_controller.task_controller import NOMINAL, Controlling, Moment
-from rl_cbf_clf_controller.task_message_fields import controller_fields, terms_fields
+from rl_cbf_clf_controller.task_controller import NOMINAL, Controlling, TaskController
 from rl_cbf_clf_controller.weights import PolicyFileError, decode
-from rl_trainer.task_episode import Ride, Rider
+from rl_trainer.rollout import Record
+from rl_trainer.task_episode import Moment, Ride, moment_of
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 
 RUNNING, ENDED = 1, 3  # phases of rabbit_msgs/Episode
@@ -64,20 +66,17 @@ def write_ride(ride: Ride, path: Path, policy: ActorPolicy | None) -> None:
     episode = {"seed": ride.seed, "controller": ride.controller, "sigma": 0.0, "tick_seconds": task.seconds}
     episode |= layout_of(task).names
     add("episode", 0, phase=RUNNING, **episode)
-    applied = np.full(len(task.names_of_u), np.nan)
     for k, moment in enumerate(ride.moments):
-        add("state", k, **state_fields(task_state(task, moment.x, moment.p, applied, k, moment.impacts)))
+        add("state", k, **measured_fields(moment.state))
         add("parameters", k, **parameter_fields(task, moment.p))
         add("torque", k, torque=doubles(moment.u), policy_version=ride.controller)
-        add("controller_state", k, **controller_fields(task, moment, ride.controller))
-        if moment.decided is not None:
-            add("learner_terms", k, **terms_fields(task, moment))
-        applied = moment.u
-    if ride.last is not None and np.isfinite(ride.last[0]).all():
-        x, p = ride.last
-        add("parameters", len(ride.moments), **parameter_fields(task, p))
-        last = task_state(task, x, p, applied, len(ride.moments), ride.impacts, running=False)
-        add("state", last.tick, **state_fields(last))
+        add("controller_state", k, **state_fields(moment.output))
+        if moment.output.quantities:
+            add("learner_terms", k, **terms_fields(moment.output))
+    last = ride.last
+    if last is not None and np.isfinite(last.q).all():
+        add("parameters", len(ride.moments), **parameter_fields(task, p_of(last)))
+        add("state", len(ride.moments), **measured_fields(last))
     ended = {"outcome": ride.outcome, "reason": ride.reason[:128], "touchdowns": ride.impacts}
     add("episode", len(ride.moments), phase=ENDED, **ended, **episode)
     bag.close()
@@ -101,13 +100,10 @@ def offered(latched: bool) -> Qos:
 
 @dataclass(frozen=True)
 class RecordedTick:
-    """What was measured and commanded at a tick, and the answer: x (n,), impacts so far, p (k,), u (m,), by whom."""
+    """What was measured and commanded at a tick, and the answer: the state, the input u (m,), by whom."""
 
     episode: int
-    tick: int
-    impacts: int
-    x: Array
-    p: Array
+    state: RobotState
     u: Array
     by: str
 
@@ -134,10 +130,10 @@ def recorded_ticks(task: ControlTask, path: Path, policies: dict[str, bytes]) ->
             state, parameters, torque = (each.pop(turn) for each in heard.values())
             try:
                 u = array_of(torque, "torque", len(task.names_of_u))
-                x, p = state_of(task, state), parameters_of(task, parameters)
+                measured = state_of(task, state, parameters)
             except Refused as error:
                 raise RecordingError(f"recording {path}: tick {turn}: {error}") from error
-            yield RecordedTick(*turn, state.touchdowns, x, p, u, torque.policy_version)
+            yield RecordedTick(m.episode, measured, u, torque.policy_version)
 
 
 def replayed(task: ControlTask, path: Path) -> Iterator[tuple[RecordedTick, Moment]]:
@@ -145,14 +141,11 @@ def replayed(task: ControlTask, path: Path) -> Iterator[tuple[RecordedTick, Mome
 
     Raises `RecordingError`, also where a policy is not in it or not for this task, or no tick of the task.
     """
-    rider, policies, by = Rider(task), dict[str, bytes](), None
-    controlling: Controlling = NOMINAL
+    controller, policies, by = TaskController(task), dict[str, bytes](), None
     for tick in recorded_ticks(task, path, policies):
-        if tick.by != by or not tick.tick:
-            by, controlling = tick.by, recorded_controller(rider, path, tick.by, policies)
-            rider.begin(controlling)
-        time, nothing = tick.tick * task.seconds, np.zeros(rider.problem.inputs)
-        yield tick, rider.moment(controlling, time, tick.x, tick.p, nothing)
+        if tick.by != by or not tick.state.tick:
+            by, controller.policy = tick.by, recorded_controller(controller, path, tick.by, policies)
+        yield tick, moment_of(controller, Record(tick.state, controller.step(tick.state)))
     if by is None:
         raise RecordingError(f"recording {path}: no tick of {task.name} in it")
 
@@ -166,7 +159,7 @@ def differing(task: ControlTask, path: Path) -> tuple[int, list[int], float]:
     for tick, moment in replayed(task, path):
         count += 1
         if off := float(np.abs(moment.u - tick.u).max()):
-            wrong.append(tick.tick)
+            wrong.append(tick.state.tick)
             furthest = max(furthest, off)
     return count, wrong, furthest
 
@@ -178,8 +171,8 @@ def recorded_ride(task: ControlTask, path: Path, number: int | None = None) -> R
         if number in (None, tick.episode):
             if ride is None or tick.episode != newest:
                 ride, newest = Ride(task, tick.by, 0), tick.episode
-            after = tick.tick + 1
-            ride.moments.append(replace(moment, u=tick.u, impacts=tick.impacts))
+            after = tick.state.tick + 1
+            ride.moments.append(replace(moment, output=replace(moment.output, torque=tick.u)))
     if ride is None:
         raise RecordingError(f"recording {path}: no tick of episode {number} in it")
     said = next(each for each in iterate_inventories(path) if each.number == newest)
@@ -187,21 +180,21 @@ def recorded_ride(task: ControlTask, path: Path, number: int | None = None) -> R
     heard = {name: m for name, m in messages(path, "state", "parameters") if (m.episode, m.tick) == (newest, after)}
     if len(heard) == 2:
         with one_line_errors(path, f"tick {after}"):
-            ride.last = state_of(task, heard["state"]), parameters_of(task, heard["parameters"])
+            ride.last = state_of(task, heard["state"], heard["parameters"])
     ride.reason = said.reason
     return ride
 
 
-def recorded_controller(rider: Rider, path: Path, by: str, policies: dict[str, bytes]) -> Controlling:
+def recorded_controller(controller: TaskController, path: Path, by: str, policies: dict[str, bytes]) -> Controlling:
     """Who made a torque: a controller by its name, or a policy that is in the recording."""
     if by == "zero":
         return NOMINAL
-    if by in rider.names:
+    if by in controller.names:
         return by
     if ":" in by:
         with one_line_errors(path, f"controller {by}"):
-            return rider.controlling(by)
+            return controller.controlling(by)
     try:
-        return rider.fitted(decode(policies[by]))
+        return controller.fitted(decode(policies[by]))
     except (KeyError, PolicyFileError, ValueError) as error:
         raise RecordingError(f"recording {path}: policy {by} is not in it, or not for this task: {error}") from error

@@ -17,7 +17,8 @@ from rabbit_description.task_source import load_task
 from rabbit_viewer.page.broadcast import Broadcast
 from rabbit_viewer.play.messages import ASKED
 from rabbit_viewer.play.serving import Door, tell
-from rl_trainer.task_episode import Rider
+from rl_cbf_clf_controller.task_controller import TaskController
+from rl_trainer.task_episode import ride_of
 
 EXAMPLES = Path(__file__).resolve().parents[4] / "examples"
 
@@ -69,10 +70,10 @@ class Played:
 
 def test_a_row_has_each_row_of_the_qp(start: Start) -> None:
     task = load_task(start.source)
-    rows, ride = RideRows(task), Rider(task).ride("nominal", 3)
+    rows, ride = RideRows(task), ride_of(TaskController(task), "nominal", 3)
     told = [dict(zip(rows.columns, rows.row(k, m), strict=True)) for k, m in enumerate(ride.moments)]
     for now, m in zip(told, ride.moments, strict=True):
-        assert (now["u_u1"], now["wall"]) == (m.u[0], m.barriers[0])
+        assert (now["u_u1"], now["wall"]) == (m.u[0], m.output.barriers[0])
         assert {name for name in ("CLF", "wall", "u1") if now[f"active_{name}"] == 0} == set(m.decided.active)
         assert now["margin_u1"] == pytest.approx(LIMIT - abs(m.u[0]), abs=1e-6)
         for name in ("CLF", "wall", "u1"):  # complementary slackness
@@ -90,12 +91,12 @@ def test_a_picture_is_its_numbers_as_far_as_there_is_room() -> None:
 def test_what_is_played_is_the_ride_in_process(start: Start) -> None:
     played, task = Played(start).ride(), load_task(start.source)
     for i, name in enumerate(start.controllers):
-        ride, found = Rider(replace(task)).ride(name, 3), played.rows(i)
+        ride, found = ride_of(TaskController(replace(task)), name, 3), played.rows(i)
         expected = np.array([m.u[0] for m in ride.moments], dtype=np.float32)
         np.testing.assert_array_equal(found["u_u1"][: len(expected)], expected)
         (word,) = (word for word in played.words["ended"]["walkers"] if word["reason"].startswith(name))
         assert word["outcome"] == "done"
-        assert word["tick"] == np.argmin([m.barriers[0] for m in ride.moments])
+        assert word["tick"] == np.argmin([m.output.barriers[0] for m in ride.moments])
         assert f"wall {'kept' if ride.is_kept else 'broken'}, at least {ride.margins[0]:.3g} at" in word["reason"]
 
 
@@ -166,7 +167,7 @@ def test_a_tick_is_explained_live_as_in_process(start: Start) -> None:
     played = Played(start).ride(80)
     played.ask("explain", walker=0, tick=60)
     lines = played.words["explained"]["lines"]
-    assert lines == explained(Rider(load_task(start.source)).ride("nominal", 3), 60)[1]
+    assert lines == explained(ride_of(TaskController(load_task(start.source)), "nominal", 3), 60)[1]
     assert lines[0] == "cart, nominal, tick 60 (0.60 s), answered by daqp"
     played.ask("explain", walker=0, tick=600)
     assert "expected one from 0 to 79" in played.words["explained"]["lines"][0]

@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 from dataclasses import replace
+from operator import attrgetter
 
 import casadi as ca
 import numpy as np
@@ -22,8 +23,9 @@ from rabbit_description.task_source import load_task
 from rabbit_recording import RecordingError
 from rabbit_recording.commands.bag import app as bag_app
 from rabbit_recording.contents import contents
-from rl_trainer.task_episode import Rider
-from rl_trainer.task_training import measured_problem, train, write
+from rl_cbf_clf_controller.task_controller import TaskController
+from rl_trainer.task_episode import ride_of
+from rl_trainer.task_training import measured_problem, train
 from scipy.linalg import expm
 from typer.testing import CliRunner
 
@@ -55,7 +57,7 @@ def test_the_plant_is_the_exact_solution_of_a_linear_system():
 
 @pytest.mark.parametrize(("controller", "mass"), [("nominal", 1.0), ("oracle", 2.0)])
 def test_where_the_barrier_alone_decides_the_input_is_its_closed_form(task, controller, mass):
-    ride = Rider(task).ride(controller, 1)
+    ride = ride_of(TaskController(task), controller, 1)
     near = [m for m in ride.moments if "wall" in m.decided.active and abs(m.u[0]) < LIMIT]
     assert len(near) > 50
     for m in near:  # B'' = -u / mass = -2 pole B' - pole^2 B, but for the slack of last resort, mu over its weight
@@ -64,19 +66,19 @@ def test_where_the_barrier_alone_decides_the_input_is_its_closed_form(task, cont
 
 
 def test_the_oracle_keeps_the_barrier_and_the_nominal_controller_does_not(task):
-    rider = Rider(task)
-    assert all(rider.ride("oracle", seed).is_kept for seed in range(5))
-    assert not any(rider.ride("nominal", seed).is_kept for seed in range(5))
+    controller = TaskController(task)
+    assert all(ride_of(controller, "oracle", seed).is_kept for seed in range(5))
+    assert not any(ride_of(controller, "nominal", seed).is_kept for seed in range(5))
 
 
 def test_no_input_exceeds_its_limit_also_with_noise(task):
-    ride = Rider(task).ride("nominal", 1, noise=30.0)
+    ride = ride_of(TaskController(task), "nominal", 1, sigma=30.0)
     assert max(abs(m.u[0]) for m in ride.moments) == LIMIT
 
 
 def test_a_controller_of_ones_own_is_cut_to_the_limit_and_needs_no_qp(task):
     own = replace(task, controllers={"bang": lambda x, p: [100.0]})
-    ride = Rider(own).ride("bang", 1)
+    ride = ride_of(TaskController(own), "bang", 1)
     assert {m.u[0] for m in ride.moments} == {LIMIT}
     assert ride.moments[-1].x[1] == pytest.approx(LIMIT / 2.0 * (task.duration - task.seconds))
 
@@ -84,8 +86,8 @@ def test_a_controller_of_ones_own_is_cut_to_the_limit_and_needs_no_qp(task):
 def test_the_state_after_the_last_tick_counts(task, tmp_path):
     """From rest under 20 N a cart of 2 kg is at 5 t^2: before the wall as the last tick begins, beyond as it ends."""
     own = replace(task, controllers={"bang": lambda x, p: [100.0]}, start=((0.0, 0.0), (0.0, 0.0)), duration=0.45)
-    ride = Rider(own).ride("bang", 1)
-    assert ride.moments[-1].barriers[0] == pytest.approx(1 - 5 * 0.44**2)
+    ride = ride_of(TaskController(own), "bang", 1)
+    assert ride.moments[-1].output.barriers[0] == pytest.approx(1 - 5 * 0.44**2)
     write_ride(ride, tmp_path / "bag", None)
     for each in (ride, recorded_ride(own, tmp_path / "bag")):
         assert each.outcome == "done"
@@ -96,7 +98,7 @@ def test_the_state_after_the_last_tick_counts(task, tmp_path):
 
 def test_an_episode_that_fails_ends_there(task):
     failing = replace(task, failed=task.system.x[0] - 0.5)
-    ride = Rider(failing).ride("nominal", 1)
+    ride = ride_of(TaskController(failing), "nominal", 1)
     assert (ride.outcome, ride.is_kept) == ("failed", False)
     assert len(ride.moments) < 300
 
@@ -131,14 +133,15 @@ def test_a_source_without_a_task_is_named(source, text):
 
 
 def test_the_same_seed_gives_the_same_ride_in_another_process_too(task, cart):
-    here = [m.u[0].hex() for m in Rider(task).ride("oracle", 7).moments]
+    here = [m.u[0].hex() for m in ride_of(TaskController(task), "oracle", 7).moments]
     code = (
-        "import sys; from rl_trainer.task_episode import Rider; from rabbit_description.task_source import load_task;"
-        "print(*[m.u[0].hex() for m in Rider(load_task(sys.argv[1])).ride('oracle', 7).moments])"
+        "import sys; from rl_trainer.task_episode import ride_of; from rabbit_description.task_source import load_task;"
+        "from rl_cbf_clf_controller.task_controller import TaskController;"
+        "print(*[m.u[0].hex() for m in ride_of(TaskController(load_task(sys.argv[1])), 'oracle', 7).moments])"
     )
     told = subprocess.run([sys.executable, "-c", code, cart], capture_output=True, text=True, check=True)
     assert told.stdout.split() == here
-    assert [m.u[0].hex() for m in Rider(task).ride("oracle", 8).moments] != here
+    assert [m.u[0].hex() for m in ride_of(TaskController(task), "oracle", 8).moments] != here
 
 
 def test_measured_units_hold_the_errors_closed_form(task):
@@ -151,15 +154,16 @@ def test_training_finds_the_error_and_keeps_the_barrier(task, tmp_path):
     said = []
     policy, problem = train(task, 1, said.append)
     assert len(said) == 5
-    rider = Rider(task, problem)
-    nominal, learned = (min(rider.ride(c, seed).margins[0] for seed in range(3)) for c in ("nominal", policy))
+    controller = TaskController(task, problem)
+    nominal, learned = (min(ride_of(controller, c, seed).margins[0] for seed in range(3)) for c in ("nominal", policy))
     assert learned > 0.2 * nominal
-    path = write(policy, tmp_path / "policy.safetensors")
-    again = Rider(task)
+    path = tmp_path / "policy.safetensors"
+    policy.file.write(path)
+    again = TaskController(task)
     assert again.controlling(str(path)).version == policy.version
     with pytest.raises(TaskError, match="trained for cart; this task is other"):
-        Rider(replace(task, name="other")).controlling(str(path))
-    ride = again.ride(again.controlling(str(path)), 5)
+        TaskController(replace(task, name="other")).controlling(str(path))
+    ride = ride_of(again, again.controlling(str(path)), 5)
     write_ride(ride, tmp_path / "bag", policy)
     assert differing(task, tmp_path / "bag") == (300, [], 0.0)
     assert contents(tmp_path / "bag").episodes[0].policies == [policy.version]
@@ -168,13 +172,14 @@ def test_training_finds_the_error_and_keeps_the_barrier(task, tmp_path):
 @pytest.mark.parametrize("controller", ["nominal", "oracle", "own"])
 def test_a_recording_replays_to_the_bit_and_a_changed_one_is_found(task, tmp_path, controller):
     task = replace(task, controllers={"own": lambda x, p: [p[1] - x[0] - x[1]]})
-    ride = Rider(task).ride(controller, 3)
+    ride = ride_of(TaskController(task), controller, 3)
     write_ride(ride, tmp_path / "bag", None)
     (episode,) = contents(tmp_path / "bag").episodes
     assert (episode.recorded, episode.lost, episode.seed, episode.outcome) == (300, 0, 3, "done")
     assert differing(task, tmp_path / "bag") == (300, [], 0.0)
     moment = ride.moments[17]
-    ride.moments[17] = replace(moment, u=np.nextafter(moment.u, 100))
+    changed = replace(moment.output, torque=np.nextafter(moment.u, 100))
+    ride.moments[17] = replace(moment, output=changed)
     write_ride(ride, tmp_path / "changed", None)
     count, wrong, furthest = differing(task, tmp_path / "changed")
     assert (count, wrong) == (300, [17])
@@ -182,7 +187,7 @@ def test_a_recording_replays_to_the_bit_and_a_changed_one_is_found(task, tmp_pat
 
 
 def test_a_recorder_may_have_heard_the_topics_of_a_tick_in_any_order(task, tmp_path, monkeypatch):
-    write_ride(Rider(task).ride("oracle", 3), tmp_path / "bag", None)
+    write_ride(ride_of(TaskController(task), "oracle", 3), tmp_path / "bag", None)
     whole = list(recording.messages(tmp_path / "bag", "episode", "policy_swap", "state", "parameters", "torque"))
     shuffled = [whole[i] for i in np.random.default_rng(1).permutation(len(whole))]
     monkeypatch.setattr(recording, "messages", lambda path, *names: iter(shuffled))
@@ -190,7 +195,7 @@ def test_a_recorder_may_have_heard_the_topics_of_a_tick_in_any_order(task, tmp_p
 
 
 def test_a_recording_of_another_system_is_refused(task, tmp_path):
-    write_ride(Rider(task).ride("nominal", 3), tmp_path / "bag", None)
+    write_ride(ride_of(TaskController(task), "nominal", 3), tmp_path / "bag", None)
     other = replace(task, name="lift", coordinates=("height",))
     with pytest.raises(RecordingError, match="of another system, with x, u1; not of lift"):
         differing(other, tmp_path / "bag")
@@ -198,19 +203,19 @@ def test_a_recording_of_another_system_is_refused(task, tmp_path):
 
 @pytest.mark.parametrize("seconds", [0.005, 1 / 300, 0.02])
 def test_no_tick_counts_as_lost_however_long_it_is(task, seconds, tmp_path):
-    ride = Rider(replace(task, seconds=seconds)).ride("nominal", 1)
+    ride = ride_of(TaskController(replace(task, seconds=seconds)), "nominal", 1)
     write_ride(ride, tmp_path / "bag", None)
     (episode,) = contents(tmp_path / "bag").episodes
     assert (episode.recorded, episode.lost) == (len(ride.moments), 0)
 
 
 def test_a_recorded_ride_is_the_ride(task, tmp_path):
-    ridden = Rider(task).ride("oracle", 3)
+    ridden = ride_of(TaskController(task), "oracle", 3)
     write_ride(ridden, tmp_path / "bag", None)
     again = recorded_ride(task, tmp_path / "bag")
     assert (again.seed, again.outcome, again.controller) == (3, "done", "oracle")
-    for name in ("x", "u", "p", "barriers", "time"):
-        found = [[getattr(each, name) for each in ride.moments] for ride in (ridden, again)]
+    for name in ("x", "u", "p", "output.barriers", "output.step_time"):
+        found = [[attrgetter(name)(moment) for moment in ride.moments] for ride in (ridden, again)]
         np.testing.assert_allclose(*found, rtol=0, atol=1e-15)
     with pytest.raises(RecordingError, match="no tick of episode 2"):
         recorded_ride(task, tmp_path / "bag", 2)
@@ -229,7 +234,7 @@ def test_the_commands(cart, task, tmp_path):
     assert (summary["nominal"]["kept"], summary["oracle"]["kept"]) == (0, 3)
     rows = list(csv.DictReader((tmp_path / "e" / "runs.csv").open()))
     assert [row["kept"] for row in rows] == ["False"] * 3 + ["True"] * 3
-    first = Rider(task).ride("nominal", int(rows[0]["seed"]))
+    first = ride_of(TaskController(task), "nominal", int(rows[0]["seed"]))
     assert float(rows[0]["wall"]) == first.margins[0]
     assert (tmp_path / "e" / "margins.png").is_file()
     code, said = typed("ride", cart, "--controller", "oracle", "--out", tmp_path / "r")

@@ -6,24 +6,26 @@ import numpy as np
 from cbf_clf_qp.functions import Array
 from rabbit_description.state import RobotState
 from rabbit_description.task import ControlTask
-from rabbit_description.task_state import layout_of, x_of
+from rabbit_description.task_state import layout_of
 
 from rabbit_common.message_checks import Refused, array_of, check_finite, check_lengths, doubles
 
 
-def state_fields(state: RobotState) -> dict[str, Any]:
+def measured_fields(state: RobotState) -> dict[str, Any]:
     """Of `RobotState`, but its head and its feet, which a task lacks."""
     arrays = {name: doubles(getattr(state, name)) for name in ("q", "dq", "applied")}
     return {**arrays, "touchdowns": state.touchdowns, "running": state.running}
 
 
-def state_of(task: ControlTask, message: Any) -> Array:
-    """x (n,) of a `RobotState`; raises `Refused`."""
+def state_of(task: ControlTask, message: Any, parameters: Any) -> RobotState:
+    """A state from its `RobotState` and `TaskParameters`; raises `Refused`."""
     layout = layout_of(task)
-    check_lengths(message, {name: layout.lengths[name] for name in ("q", "dq")})
+    check_lengths(message, layout.lengths)
     for name in ("q", "dq") if layout.has_rates else ("q",):
         check_finite(name, getattr(message, name))
-    return x_of(task, message)
+    state = RobotState.of_message(message, None)
+    state.parameters = parameters_of(task, parameters)
+    return state
 
 
 def parameter_fields(task: ControlTask, p: Array) -> dict[str, Any]:

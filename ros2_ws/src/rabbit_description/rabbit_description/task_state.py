@@ -22,6 +22,12 @@ def task_state(
     return RobotState(tick, x[:n], dq, *no_feet, impacts, None, running, applied, parameters=p)
 
 
+def p_of(state: RobotState) -> Array:
+    """The model's parameters (k,) at a task's state."""
+    assert state.parameters is not None
+    return state.parameters
+
+
 def x_of(task: ControlTask, state: RobotState) -> Array:
     """x (n,) of a task's state."""
     return np.concatenate([state.q, state.dq])[: task.system.x.numel()]

@@ -4,7 +4,6 @@ A recording's reader uses it too: any object with a message's fields will do. A 
 neither; then an output has what state and torque tell, and NaN elsewhere.
 """
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -37,16 +36,13 @@ def state_fields(output: ControllerOutput) -> dict[str, Any]:
     """Of `ControllerState`, but its head; texts that are too long for the message are cut."""
     fields: dict[str, Any] = {name: getattr(output, name) for name in SCALARS}
     fields |= {name: getattr(output, name)[:most] for name, most in WORDS.items()}
-    fields |= bounded_fields(output.V, output.barrier_names, output.barriers, output.barrier_rates)
-    fields |= {name: doubles(fields[name]) for name in ("values", "rates")}
+    bounded = slice(int(np.isnan(output.V)), None)  # by the QP: V, if there is one, and barriers
+    values, rates = np.array([output.V, *output.barriers]), np.array([np.nan, *output.barrier_rates])
+    fields |= {"names": ["V", *output.barrier_names][bounded]}
+    fields |= {"values": doubles(values[bounded]), "rates": doubles(rates[bounded])}
     fields |= {name: doubles(getattr(output, name)) for name in ("eta", "mu", *ROWS)}
     active = [name[:LONGEST_NAME] for name in output.active[:MOST_ACTIVE]]
     return {**fields, "stance": int(output.stance), "active": active, "rows": list(output.rows)}
-
-
-def bounded_fields(V: float, names: Sequence[str], barriers: Array, barrier_rates: Array) -> dict[str, Any]:
-    """`names`, `values` and `rates` of what the QP bounds: V, then the barriers (b,)."""
-    return {"names": ["V", *names], "values": np.array([V, *barriers]), "rates": np.array([np.nan, *barrier_rates])}
 
 
 def terms_fields(output: ControllerOutput) -> dict[str, Any]:
@@ -55,10 +51,10 @@ def terms_fields(output: ControllerOutput) -> dict[str, Any]:
     return {**fields, "lgv": doubles(output.LgV), "quantities": list(output.quantities)}
 
 
-def state_values(message: Any) -> dict[str, Any]:
-    """The fields of `ControllerOutput` that a `ControllerState` tells; raises `Refused`."""
+def state_values(message: Any, inputs: int = JOINTS, eta: int = 2 * JOINTS) -> dict[str, Any]:
+    """The fields of `ControllerOutput` that a `ControllerState` tells; `eta`: its length. Raises `Refused`."""
     values: dict[str, Any] = {name: getattr(message, name) for name in ("tick", *SCALARS, *WORDS)}
-    values |= {name: array_of(message, name, size) for name, size in (("eta", 2 * JOINTS), ("mu", JOINTS))}
+    values |= {name: array_of(message, name, size) for name, size in (("eta", eta), ("mu", inputs))}
     for name in ("eta", "mu"):
         check_finite(name, getattr(message, name))
     if message.stance not in LEGS:
@@ -72,16 +68,16 @@ def state_values(message: Any) -> dict[str, Any]:
     return {**values, "V": V, "barriers": barriers, "barrier_rates": rates, "barrier_names": tuple(of_values)}
 
 
-def terms_values(message: Any) -> dict[str, Any]:
+def terms_values(message: Any, inputs: int = JOINTS) -> dict[str, Any]:
     """The fields of `ControllerOutput` that a `LearnerTerms` tells; raises `Refused`."""
     n = len(message.quantities)
-    values: dict[str, Any] = {name: array_of(message, name, JOINTS) for name in ("mu_qp", "omega", "mu_held")}
+    values: dict[str, Any] = {name: array_of(message, name, inputs) for name in ("mu_qp", "omega", "mu_held")}
     values |= {name: np.array(getattr(message, name)) for name in ("observation", "identified", "adapted")}
     values |= {name: array_of(message, name, n) for name in VECTORS}
-    values |= {name: array_of(message, name, n * JOINTS).reshape(n, JOINTS) for name in MATRICES}
+    values |= {name: array_of(message, name, n * inputs).reshape(n, inputs) for name in MATRICES}
     for name in FINITE:
         check_finite(name, getattr(message, name))
-    return {**values, "LgV": array_of(message, "lgv", JOINTS), "quantities": tuple(message.quantities)}
+    return {**values, "LgV": array_of(message, "lgv", inputs), "quantities": tuple(message.quantities)}
 
 
 def untold_values(measured: Any, policy_version: str) -> dict[str, Any]:

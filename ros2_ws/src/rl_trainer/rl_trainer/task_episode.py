@@ -1,27 +1,48 @@
 """One episode of a task under one of its controllers: nominal, oracle, a learned policy, or one of its own.
 
-ride = Rider(task).ride("nominal", seed=1)        all ticks, and how it ended
+ridden = ride_of(TaskController(task), "nominal", seed=1)        all ticks, and how it ended
 """
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
+from cbf_clf_qp.answer import Decided
+from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import Array
-from rabbit_description.task import Commands, ControlTask
-from rl_cbf_clf_controller.problem import Problem
-from rl_cbf_clf_controller.task_controller import Controlling, Moment, TaskController
+from rabbit_description.state import RobotState
+from rabbit_description.task import ControlTask
+from rabbit_description.task_simulation import TaskSimulation
+from rabbit_description.task_state import p_of, x_of
+from rl_cbf_clf_controller.task_controller import Controlling, TaskController
 
-from rl_trainer.systems import SystemTicks
+from rl_trainer.rollout import Record, rollout
+
+
+@dataclass(frozen=True)
+class Moment(Record):
+    """A tick in the state x (n,); without a QP there are neither `estimates` nor `decided`."""
+
+    x: Array
+    estimates: Estimates | None
+    decided: Decided | None
+
+    @property
+    def p(self) -> Array:
+        """The parameters (k,) that the model has."""
+        return p_of(self.state)
+
+    @property
+    def u(self) -> Array:
+        """The input (m,)."""
+        return self.output.torque
 
 
 @dataclass
 class Ride:
     """An episode: its moments; `outcome` is done, failed, or no answer; `impacts`: how many there were.
 
-    `last`: state x (n,) and the model's parameters p (k,) after the last tick, which no controller sees; None: not
-    known.
-    `reason`: of a failure, which limit was passed, by name and value.
+    `last`: the state after the last tick, which no controller sees; None: not known. `reason`: of a failure, which
+    limit was passed, by name and value; else why there was no answer.
     """
 
     task: ControlTask
@@ -30,7 +51,7 @@ class Ride:
     moments: list[Moment] = field(default_factory=list)
     outcome: str = "done"
     impacts: int = 0
-    last: tuple[Array, Array] | None = None
+    last: RobotState | None = None
     reason: str = ""
 
     @property
@@ -46,8 +67,9 @@ class Ride:
     @property
     def barriers(self) -> Array:
         """Of each state, that after the last tick too, a row of the values of B, each in its unit."""
-        last = [] if self.last is None else [self.task.tick.look(*self.last).barriers]
-        return np.array([*(each.barriers for each in self.moments), *last])
+        last = self.last
+        after = [] if last is None else [self.task.tick.look(x_of(self.task, last), p_of(last)).barriers]
+        return np.array([*(moment.output.barriers for moment in self.moments), *after])
 
     @property
     def margins(self) -> Array:
@@ -57,56 +79,34 @@ class Ride:
         least: Array = self.barriers.min(axis=0)
         return least
 
+    def end(self, simulation: TaskSimulation, last: RobotState) -> None:
+        """It ended in this state."""
+        self.impacts = last.touchdowns
+        if last.running:  # the controller gave up
+            self.outcome, self.reason = "no answer", self.moments[-1].output.fault
+        else:
+            self.last, (self.outcome, self.reason) = last, simulation.verdict
+
     @property
     def is_kept(self) -> bool:
         """Whether it ended well, and no barrier was below its tolerance."""
         return self.outcome == "done" and bool((self.margins >= -self.task.tolerance).all())
 
 
-class Rider(TaskController):
-    """Rides a task, and gathers transitions, see `SystemTicks`."""
+def ride_of(controller: TaskController, controlling: Controlling, seed: int, sigma: float = 0.0) -> Ride:
+    """An episode under a policy or a controller by its name; `sigma`: the deviation of what exploration adds to mu."""
+    simulation = TaskSimulation(controller.task)
+    controller.policy, controller.sigma = controlling, sigma
+    ridden = Ride(controller.task, controller.version, seed)
 
-    ticks: SystemTicks
+    def keep(record: Record) -> None:
+        ridden.moments.append(moment_of(controller, record))
 
-    def __init__(self, task: ControlTask, problem: Problem | None = None) -> None:
-        super().__init__(task, problem)
-        self.altered: Callable[[Commands], Commands] = lambda commands: commands  # what an episode's become
+    ridden.end(simulation, rollout(simulation, controller, seed, keep))
+    return ridden
 
-    def _make_ticks(self) -> SystemTicks:
-        return SystemTicks(self.task.tick, self.problem, self.task.seconds, self.limit)
 
-    def ride(self, controlling: Controlling, seed: int, noise: float = 0.0) -> Ride:
-        """An episode; `noise` is the deviation of what exploration adds to mu."""
-        name = controlling if isinstance(controlling, str) else controlling.version
-        ride = Ride(self.task, name, seed)
-        for moment in self.moments(controlling, seed, noise, ride):
-            ride.moments.append(moment)
-            if moment.decided is not None and not moment.decided.solved:
-                ride.outcome = "no answer"
-                break
-        return ride
-
-    def moments(
-        self, controlling: Controlling, seed: int, noise: float = 0.0, ride: Ride | None = None
-    ) -> Iterator[Moment]:
-        """The ticks of an episode, one after another, until it ends; `ride` is told how."""
-        task, k, impacts, outcome = self.task, 0, 0, ""
-        x, commands, exploring = task.beginning(seed)
-        commands = self.altered(commands)
-        self.begin(controlling)
-        while not outcome:
-            time = k * task.seconds
-            commanded = commands(time)
-            added = noise * exploring.standard_normal(self.problem.inputs)
-            moment = self.moment(controlling, time, x, task.parameters_at({}, commanded), added)
-            yield replace(moment, impacts=impacts) if impacts else moment
-            true = task.parameters_at(self.true, commanded)
-            moved = task.moved(x, true, moment.u)
-            x, k, impacts = moved.x, k + 1, impacts + moved.impacts
-            if moved.impacts:  # the next tick does not follow from this one by the model
-                self.ticks.interrupt()
-            outcome = task.outcome(moved, true, k, impacts)
-            if ride:
-                ride.outcome, ride.impacts = outcome, impacts
-                ride.last = x, task.parameters_at({}, commands(k * task.seconds))
-                ride.reason = task.why_failed(moved, true, impacts) if outcome == "failed" else ""
+def moment_of(controller: TaskController, record: Record) -> Moment:
+    """What a tick was that the controller has just decided."""
+    x = x_of(controller.task, record.state)
+    return Moment(record.state, record.output, x, controller.estimates, controller.decided)

@@ -2,24 +2,27 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from cbf_clf_qp.estimates import Estimates
+from cbf_clf_qp.estimates import Estimates, measure
 from cbf_clf_qp.functions import Array
 from rabbit_description.task import ControlTask
+from rabbit_description.task_simulation import TaskSimulation
 from rl_cbf_clf_controller.policy import ActorPolicy, LearnedPolicy
 from rl_cbf_clf_controller.problem import LEAST, QUANTILE, ROOM, Problem
-from rl_cbf_clf_controller.task_controller import NOMINAL, ORACLE
+from rl_cbf_clf_controller.task_controller import NOMINAL, ORACLE, TaskController
 
-from rl_trainer.systems import EpisodePlan, TrainingParameters, learn
-from rl_trainer.task_episode import Rider
-from rl_trainer.transitions import Transition
+from rl_trainer import session
+from rl_trainer.parameters import TrainingParameters
+from rl_trainer.task_episode import Moment, Ride, ride_of
+from rl_trainer.training import Trainer
+from rl_trainer.transitions import Doubt, Transition, TransitionBuilder
 
 RIDES = 3  # of the nominal controller and of the oracle, each
 SLOW = {"actor_rate": 6e-4, "critic_rate": 1e-3, "polyak": 3e-3, "batch": 160, "hidden1": 64, "hidden2": 64}
 SCHEDULE = {"sigma_factors": (1,), "nominal_episodes": 1, "updates_per_tick": 0, "updates_least": 600, "episodes": 5}
+SCHEDULE |= {"every_tick": True}  # mu is known at the limit of the input, too
 
 
 def measured_problem(task: ControlTask, seed: int) -> Problem:
@@ -28,29 +31,38 @@ def measured_problem(task: ControlTask, seed: int) -> Problem:
     Rides of the nominal controller and of the oracle show them: an observation has its mean and deviation, an estimate
     `ROOM` times the greatest that the oracle has, an error the root of its mean square under the nominal model.
     """
-    rider = Rider(task)
-    alphas, betas, errors, read, mus = list[Array](), list[Array](), list[Array](), list[Array](), list[Array]()
-    for i, controller in enumerate((NOMINAL, ORACLE) * RIDES):
-        ride = rider.ride(controller, seed * 1000 + i)
-        for moment in ride.moments:
-            read.append(moment.seen.observation)
-            mus.append(np.asarray(moment.mu))
-            if controller == ORACLE and moment.estimates:
-                alpha, beta = _greatest(moment.estimates, rider.problem.has_clf)
-                alphas.append(alpha)
-                betas.append(beta)
-        if controller == NOMINAL:
-            errors += [_error(each, rider.problem.has_clf) for each in rider.ticks.transitions]
+    measure(task.tick.terms)  # raises ValueError where one difference cannot measure them
+    controller = TaskController(task)
+    problem, greatest, errors, moments = controller.problem, list[tuple[Array, Array]](), list[Array](), list[Moment]()
+    for i, name in enumerate((NOMINAL, ORACLE) * RIDES):
+        ridden = ride_of(controller, name, seed * 1000 + i)
+        moments += ridden.moments
+        if name == NOMINAL:
+            errors += [_error(transition, problem.has_clf) for transition in transitions_of(ridden, problem)]
+        else:
+            greatest += [_greatest(m.estimates, problem.has_clf) for m in ridden.moments if m.estimates]
+    read = [moment.output.observation for moment in moments]
     means, deviations = np.mean(read, axis=0).tolist(), _floored(np.std(read, axis=0))
-    alpha_scale, beta_scale = (_floored(ROOM * np.quantile(each, QUANTILE, axis=0)) for each in (alphas, betas))
+    alpha_scale, beta_scale = (
+        _floored(ROOM * np.quantile(each, QUANTILE, axis=0)) for each in zip(*greatest, strict=True)
+    )
     return replace(
-        rider.problem,
-        units=tuple(zip(rider.problem.observation, means, deviations, strict=True)),
+        problem,
+        units=tuple(zip(problem.observation, means, deviations, strict=True)),
         alpha_scale=alpha_scale,
         beta_scale=beta_scale,
         error_scale=_floored(np.sqrt(np.mean(np.square(errors), axis=0))),
-        mu_unit=max(float(np.std(mus)), LEAST),
+        mu_unit=max(float(np.std([moment.output.mu for moment in moments])), LEAST),
     )
+
+
+def transitions_of(ridden: Ride, problem: Problem) -> list[Transition]:
+    """Those of a ride that were measured; the units of the problem need not be known yet."""
+    ones = (1.0,) * len(problem.quantities)
+    known = replace(problem, alpha_scale=ones, beta_scale=ones, error_scale=ones)
+    builder = TransitionBuilder(TrainingParameters(problem=known))
+    found = [builder.add(moment.state, moment.output) for moment in ridden.moments]
+    return [transition for transition in found if transition and not transition.doubt & Doubt.UNMEASURED]
 
 
 def _greatest(estimates: Estimates, has_clf: bool) -> tuple[Array, Array]:
@@ -75,18 +87,23 @@ def _floored(values: Array) -> tuple[float, ...]:
 
 def train(
     task: ControlTask, seed: int, say: Callable[[str], object] = print, **changes: Any
-) -> tuple[LearnedPolicy, Problem]:
+) -> tuple[ActorPolicy, Problem]:
     """Ride with the present estimates and noise, learn from what was measured, repeat; the policy and what it learned.
 
-    `changes`: of `TrainingParameters`.
+    `changes`: of `TrainingParameters`. `say` hears how wrong the estimates were: the root of the mean square over an
+    episode and the quantities, in units of `reward.error_unit`.
     """
     parameters = training_parameters(task, seed, **changes)
-    rider = Rider(task, parameters.problem)
+    trainer, controller = Trainer(parameters), TaskController(task, parameters.problem)
 
-    def ride(policy: LearnedPolicy, plan: EpisodePlan) -> None:
-        rider.ride(policy, plan.seed, plan.sigma)
+    def make_controller(policy: LearnedPolicy, sigma: float) -> TaskController:
+        controller.policy, controller.sigma = policy, sigma
+        return controller
 
-    return learn(parameters, rider.ticks, ride, say), parameters.problem
+    for report in session.train(trainer, TaskSimulation(task), make_controller):
+        error = np.sqrt(-np.mean([report.reward[name] for name in parameters.problem.quantities]))
+        say(f"seed {seed}, episode {report.episode + 1}: {report.kept} ticks, error {error:.2f}")
+    return ActorPolicy(trainer.policy_file()), parameters.problem
 
 
 def training_parameters(task: ControlTask, seed: int, **changes: Any) -> TrainingParameters:
@@ -96,10 +113,3 @@ def training_parameters(task: ControlTask, seed: int, **changes: Any) -> Trainin
     own = {**SLOW, **SCHEDULE, **of_mu, **task.training}
     asked = {"problem": problem, "seed": seed, "learner": "regression", **own, **changes}
     return TrainingParameters.model_validate(asked)
-
-
-def write(policy: LearnedPolicy, path: Path) -> Path:
-    """The policy's file."""
-    assert isinstance(policy, ActorPolicy)
-    policy.file.write(path)
-    return path

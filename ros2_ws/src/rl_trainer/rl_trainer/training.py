@@ -161,16 +161,12 @@ class Trainer:
     def end_episode(self, plan: EpisodePlan, state: RobotState) -> EpisodeReport:
         """Take in the last state and learn; the next `begin_episode` has the new policy."""
         self.observe(state)
-        self.reports.append(self._report(plan, state, self.learn_episode()))
-        del self.reports[: -self.parameters.episodes]
-        return self.reports[-1]
-
-    def learn_episode(self) -> dict[str, float]:
-        """Learn from the episode whose transitions were taken in; its mean losses."""
         p = self.parameters
         losses = self.learn(max(p.updates_least, round(p.updates_per_tick * len(self._walk))))
         self.episode += 1
-        return losses
+        self.reports.append(self._report(plan, state, losses))
+        del self.reports[: -self.parameters.episodes]
+        return self.reports[-1]
 
     def learn(self, updates: int) -> dict[str, float]:
         """So many updates from the replay buffer; mean losses, empty while there are too few transitions."""

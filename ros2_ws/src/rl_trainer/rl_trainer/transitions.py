@@ -134,25 +134,33 @@ class TransitionBuilder:
             next_observation=following.observation,
             next_LgV=following.LgV,
             next_mu=following.mu,
-            failed=output is None and bool(state.q[1] < p.fall_height or abs(state.q[2]) > p.fall_pitch),
+            failed=output is None and has_fallen(state, p),
             doubt=doubt,
         )
 
     def _doubt(self, last: ControllerOutput, state: RobotState, output: ControllerOutput | None) -> Doubt:
-        y, dy = np.abs(last.eta.reshape(2, -1)).max(axis=1)
-        normal_force = state.foot_force[:, 1]
         acted_otherwise = np.isfinite(state.applied).all() and (state.applied != last.torque).any()  # it came late
-        settled = SETTLED - self._parameters.tick_seconds / 2
+        unmeasured = output is None or output.step_index != last.step_index or np.isnan(output.measured).all()
         reasons = {
-            Doubt.UNMEASURED: output is None or output.step_index != last.step_index or acted_otherwise,
-            Doubt.SETTLING: last.step_time < settled if last.step_index else last.adapted.size > 0,
-            Doubt.FLIGHT: normal_force[last.stance] < CONTACT_FORCE,
-            Doubt.SCUFF: normal_force[last.stance.other] >= CONTACT_FORCE,
+            Doubt.UNMEASURED: unmeasured or acted_otherwise,
             Doubt.SATURATED: last.saturated,
-            Doubt.FAR: y > FAR_POSITION or dy > FAR_VELOCITY,
             Doubt.EDGE: output is not None and any((last.phase < edge) != (output.phase < edge) for edge in (0, 1)),
         }
+        if state.foot_force.size:  # a control task of one's own has neither feet nor a gait
+            y, dy = np.abs(last.eta.reshape(2, -1)).max(axis=1)
+            normal_force, settled = state.foot_force[:, 1], SETTLED - self._parameters.tick_seconds / 2
+            reasons |= {
+                Doubt.SETTLING: last.step_time < settled if last.step_index else last.adapted.size > 0,
+                Doubt.FLIGHT: normal_force[last.stance] < CONTACT_FORCE,
+                Doubt.SCUFF: normal_force[last.stance.other] >= CONTACT_FORCE,
+                Doubt.FAR: y > FAR_POSITION or dy > FAR_VELOCITY,
+            }
         return Doubt(sum(flag for flag, holds in reasons.items() if holds))
+
+
+def has_fallen(state: RobotState, p: TrainingParameters) -> bool:
+    """By its pose; a state without feet is a control task's, which has none."""
+    return bool(state.foot_force.size) and bool(state.q[1] < p.fall_height or abs(state.q[2]) > p.fall_pitch)
 
 
 def nominal_value(last: ControllerOutput, output: ControllerOutput | None, p: TrainingParameters) -> Array:

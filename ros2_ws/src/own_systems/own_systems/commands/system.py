@@ -41,14 +41,15 @@ def evaluate(
 ) -> None:
     """Ride many seeded episodes under each controller: which kept every barrier, and by how much."""
     loaded = load(task)
-    from rl_trainer.task_episode import Rider
+    from rl_cbf_clf_controller.task_controller import TaskController
+    from rl_trainer.task_episode import ride_of
 
-    rider = Rider(loaded)
+    made = TaskController(loaded)
     with complaints(ValueError):
-        chosen = {name: rider.controlling(name) for name in controller.split(",")}
+        chosen = {name: made.controlling(name) for name in controller.split(",")}
     folder = own_folder(out, "system evaluate") if out else None
     seeds = [APART * seed + ride for ride in range(rides)]
-    ridden = {name: [rider.ride(controlling, each) for each in seeds] for name, controlling in chosen.items()}
+    ridden = {name: [ride_of(made, controlling, each) for each in seeds] for name, controlling in chosen.items()}
     summary = {name: summarise(loaded, each) for name, each in ridden.items()}
     show(loaded, summary)
     if folder:
@@ -117,18 +118,8 @@ def write_results(folder: Path, task: "ControlTask", ridden: "dict[str, list[Rid
     with complaints(OSError):
         with replacing(folder / "runs.csv") as partial, partial.open("w", newline="", encoding="utf-8") as file:
             table = csv.writer(file)
-            table.writerow(
-                [
-                    "controller",
-                    "seed",
-                    "ticks",
-                    "outcome",
-                    "reason",
-                    "kept",
-                    "impacts",
-                    *(b.name for b in task.barriers),
-                ]
-            )
+            names = (barrier.name for barrier in task.barriers)
+            table.writerow(["controller", "seed", "ticks", "outcome", "reason", "kept", "impacts", *names])
             for name, rides in ridden.items():
                 for ride in rides:
                     ended = len(ride.moments), ride.outcome, ride.reason, ride.is_kept, ride.impacts
@@ -151,12 +142,13 @@ def train(
     if out.suffix != ".safetensors":
         fail(f"--out {out}: expected a name that ends in .safetensors")
     new_file(out)
-    from rl_trainer.task_training import train, write
+    from rl_trainer.task_training import train
 
     changes: dict[str, Any] = {"learner": learner} | ({"episodes": episodes} if episodes else {})
     with complaints(ValueError, OSError):
         policy, _ = train(loaded, seed, **changes)
-        print(f"written {write(policy, out)}")
+        policy.file.write(out)
+        print(f"written {out}")
 
 
 @app.command()
@@ -171,15 +163,16 @@ def ride(
     from rabbit_common.executables import LaunchError
     from rabbit_recording import RecordingError
     from rl_cbf_clf_controller.policy import ActorPolicy
-    from rl_trainer.task_episode import Rider
+    from rl_cbf_clf_controller.task_controller import TaskController
+    from rl_trainer.task_episode import ride_of
 
     from own_systems.recording import write_ride
 
-    rider = Rider(loaded)
+    made = TaskController(loaded)
     with complaints(ValueError):
-        controlling = rider.controlling(controller)
+        controlling = made.controlling(controller)
     folder = own_folder(out, "system ride")
-    ridden = rider.ride(controlling, seed)
+    ridden = ride_of(made, controlling, seed)
     with complaints(LaunchError, RecordingError, OSError):
         write_ride(ridden, folder / "recording", controlling if isinstance(controlling, ActorPolicy) else None)
         said = f"{ridden.outcome}: {ridden.reason}" if ridden.reason else ridden.outcome
@@ -202,14 +195,14 @@ def play(
     from rabbit_viewer.play import playing
     from rabbit_viewer.play.serving import serve
     from rabbit_viewer.play.settings import PlayError
-    from rl_trainer.task_episode import Rider
+    from rl_cbf_clf_controller.task_controller import TaskController
 
     from own_systems.play import Start, TaskPlayer, check_asked, settings_of
 
-    rider, names = Rider(loaded), tuple(controller.split(","))
+    made, names = TaskController(loaded), tuple(controller.split(","))
     with complaints(ValueError):
         for name in names:
-            rider.controlling(name)
+            made.controlling(name)
     with complaints(PageError, PlayError):
         start = Start(task, names, seed)
         passes = partial(check_asked, settings_of(loaded, start))

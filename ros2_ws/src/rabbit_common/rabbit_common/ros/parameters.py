@@ -30,28 +30,22 @@ class ParameterError(ValueError):
     """Parameters that cannot be used, in one line: name, value, what was expected."""
 
 
-def declare(node: Node, model: type[Model], dynamic: Collection[str] = ()) -> Model:
-    """Declare each field of `model` as a parameter of `node`, return the checked values. Raises `ParameterError`."""
+def declare(node: Node, model: type[Model], dynamic: Collection[str] = (), default: Model | None = None) -> Model:
+    """Declare each field of `model` as a parameter of `node`, return the checked values. Raises `ParameterError`.
+
+    `default`: what the fields are that nobody sets; None: the model's own defaults.
+    """
     values, schemas = {}, model.model_json_schema()["properties"]
     for name, info in model.model_fields.items():
+        known = getattr(default, name) if default else info.default
+        said = _said(known, info)
         try:
-            value = node.declare_parameter(name, _default(info), _descriptor(schemas[name], name in dynamic)).value
+            value = node.declare_parameter(name, said, _descriptor(schemas[name], name in dynamic)).value
         except (InvalidParameterTypeException, InvalidParameterValueException) as error:
             raise ParameterError(f"parameter {name}: {str(error).strip()}") from error
         if value is not None:
-            values[name] = value
+            values[name] = known if default and value == said else value
     return _checked(model, values)
-
-
-def given(node: str, parameter: str) -> str:
-    """What file or command line give for a text parameter of a node that is not made yet; empty: nothing."""
-    bare = Node(node, enable_rosout=False, start_parameter_services=False)
-    try:
-        return str(bare.declare_parameter(parameter, "").value)
-    except InvalidParameterTypeException as error:
-        raise ParameterError(f"parameter {parameter}: {str(error).strip()}") from error
-    finally:
-        bare.destroy_node()
 
 
 def refuse_unknown(node: Node) -> None:
@@ -97,12 +91,12 @@ def _checked(model: type[Model], values: dict[str, Any]) -> Model:
         raise ParameterError(fault(error, "parameter {}".format)) from error
 
 
-def _default(info: FieldInfo) -> Any:
+def _said(value: Any, info: FieldInfo) -> Any:
     """What ROS can hold: a name, a list. An empty list has no type there: its type alone is declared."""
-    if isinstance(info.default, tuple):
+    if isinstance(value, tuple):
         numbers = float in get_args(info.annotation)
-        return list(info.default) or (Parameter.Type.DOUBLE_ARRAY if numbers else Parameter.Type.STRING_ARRAY)
-    return info.default if isinstance(info.default, bool | int | float | str) else str(info.default)
+        return list(value) or (Parameter.Type.DOUBLE_ARRAY if numbers else Parameter.Type.STRING_ARRAY)
+    return value if isinstance(value, bool | int | float | str) else str(value)
 
 
 def _descriptor(schema: dict[str, Any], dynamic: bool) -> ParameterDescriptor:

@@ -15,6 +15,7 @@ from rabbit_common.ros.spin import run, steady_timer
 from rabbit_description.gait import GaitError, load_gaits
 from rabbit_description.state import RobotState
 from rabbit_description.task import TaskError
+from rabbit_description.task_simulation import TaskSimulation
 from rabbit_description.task_source import load_task
 from rabbit_msgs.msg import Episode, EpisodePlan, TorqueCommand
 from rabbit_msgs.srv import ResetEpisode
@@ -28,7 +29,6 @@ from rabbit_sim.ros.other_simulators import OtherSimulators
 from rabbit_sim.ros.publishers import Publishers, RabbitPublishers, TaskPublishers
 from rabbit_sim.simulation import Simulation
 from rabbit_sim.stones import CourseError
-from rabbit_sim.task_simulation import TaskSimulation
 
 # of the constructor, when a file or value cannot be used
 ERRORS = (GaitError, CourseError, RestartFileError, TaskError)

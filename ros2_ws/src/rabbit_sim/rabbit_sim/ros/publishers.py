@@ -21,6 +21,7 @@ from rabbit_common.task_messages import parameter_fields
 from rabbit_description.force_ratio import force_ratio
 from rabbit_description.state import FEET, Leg, RobotState, StonePreview
 from rabbit_description.task import ControlTask
+from rabbit_description.task_state import p_of
 from rabbit_msgs.msg import Episode, TaskParameters
 from rabbit_msgs.msg import Landing as LandingMessage
 from rabbit_msgs.msg import RobotState as StateMessage
@@ -104,15 +105,9 @@ class TaskPublishers(Publishers):
         """Whether anybody hears the joints."""
         return self._joints.get_subscription_count() > 0
 
-    @property
-    def readers(self) -> int:
-        """See `Publishers`."""
-        return min(super().readers, int(self._parameters.get_subscription_count()))
-
     def _state(self, state: RobotState, episode: int, at: Header) -> None:
-        assert state.parameters is not None
         head = {"header": at, "episode": episode, "tick": state.tick, "sender": self.sender}
-        self._parameters.publish(TaskParameters(**head, **parameter_fields(self._task, state.parameters)))
+        self._parameters.publish(TaskParameters(**head, **parameter_fields(self._task, p_of(state))))
         super()._state(state, episode, at)
         if self._joints.get_subscription_count():
             told = {"position": doubles(state.q), "velocity": doubles(state.dq)}

@@ -19,11 +19,11 @@ from rabbit_common.ros.spin import run, steady_timer
 from rabbit_description import ABOUT_TASK
 from rabbit_description.state import RobotState
 from rabbit_description.task import TaskError
+from rabbit_description.task_simulation import TaskSimulation
 from rabbit_description.task_source import load_task
 from std_msgs.msg import Float64MultiArray
 
 from rabbit_sim.ros.publishers import TaskPublishers
-from rabbit_sim.task_simulation import TaskSimulation
 
 
 class NodeParameters(BaseModel):

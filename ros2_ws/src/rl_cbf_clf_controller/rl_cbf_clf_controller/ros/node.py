@@ -154,11 +154,11 @@ class ControllerNode(SimulatorFollower):
         if policy := self._policies.swap(self._ticks.turn, self._named(message)):
             self._answerer.follow(policy)
         try:
-            torque, fault = self._answerer.act(state)
+            acted = self._answerer.act(state)
         except Exception as error:  # a barrier, a solver or a task may be another package's
             self._give_up(message, reason_of(error))
             return
-        self._say(message, torque, fault)
+        self._say(message, acted.torque, acted.fault)
         head = {"header": message.header, "episode": message.episode, "tick": message.tick, "sender": self._sender}
         if self._details.get_subscription_count():  # while the simulator steps
             self._details.publish(msg.ControllerState(**head, **self._answerer.state_fields()))

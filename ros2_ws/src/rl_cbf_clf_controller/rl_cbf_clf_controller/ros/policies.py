@@ -191,8 +191,8 @@ class Policies:
         return new.policy
 
     def _here(self, version: str) -> CheckedPolicy | None:
-        here = (*self._built_in.values(), self.in_force, *self._waiting)
-        return next((d for d in here if d.version == version), None)
+        here = (self.in_force, *self._waiting)
+        return self._built_in.get(version) or next((d for d in here if d.version == version), None)
 
     def _tell(self, checked: CheckedPolicy, turn: tuple[int, int]) -> None:
         """A policy is in force since `turn`, episode and tick, or was refused then."""

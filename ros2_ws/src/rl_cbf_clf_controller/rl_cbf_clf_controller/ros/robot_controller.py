@@ -34,6 +34,7 @@ from rabbit_common.task_messages import parameters_of
 from rabbit_description import ABOUT_TASK
 from rabbit_description.task import TaskError
 from rabbit_description.task_source import load_task
+from rabbit_description.task_state import task_state
 from rabbit_msgs.msg import ControllerState, LearnerTerms, TaskParameters
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import JointState
@@ -48,6 +49,7 @@ from rl_cbf_clf_controller.weights import PolicyFileError
 LOOK_SECONDS = 0.02
 POSE = ("x", "y", "yaw")
 TWIST = ("linear_x", "linear_y", "angular_z")
+NOT_MEASURED = np.zeros(0)
 
 
 class RobotParameters(policies.NodeParameters):
@@ -165,11 +167,14 @@ class RobotControllerNode(CheckedNode):
         if policy := self._policies.swap((1, self._ticks), ""):
             self._answerer.follow(policy)
         try:
-            moment = self._answerer.decide(self._ticks, x, p, np.zeros_like(wanted))
+            acted = self._answerer.act(task_state(self.task, x, p, NOT_MEASURED, self._ticks))
         except Exception as error:  # the task is a user's
             self._stop(reason_of(error))
             return
-        self._send(moment.u)
+        if acted.fault:
+            self._stop(acted.fault)
+            return
+        self._send(acted.torque)
         head = {"header": header, "episode": 1, "tick": self._ticks, "sender": self._sender}
         if self._details.get_subscription_count():
             self._details.publish(ControllerState(**head, **self._answerer.state_fields()))

@@ -7,9 +7,10 @@ from typing import Any
 from rabbit_common.message_checks import Refused, doubles
 from rabbit_common.ros.conversions import state_of, torque_of
 from rabbit_common.ros.qos import EVENT, TICK, WEIGHTS
+from rabbit_description.state import JOINTS, LAYOUT, RobotLayout
 from rabbit_msgs import msg
 from rclpy.node import Node
-from rl_cbf_clf_controller.message_fields import state_values, terms_values
+from rl_cbf_clf_controller.message_fields import LONGEST_NAME, state_values, terms_values
 from rl_cbf_clf_controller.policy import ActorPolicy
 from rl_cbf_clf_controller.problem import Problem
 from std_msgs.msg import Header
@@ -23,18 +24,19 @@ NUMBERS = ("tick", "step_index", "failed")
 ARRAYS = tuple(field.name for field in fields(Transition) if field.name not in (*NUMBERS, "problem", "doubt"))
 
 
-def checked_part(part: str, message: Any, problem: Problem) -> Any:
+def checked_part(part: str, message: Any, problem: Problem, layout: RobotLayout) -> Any:
     """A tick's `state` with its header, or the controller's parts with its sender; raises `Refused`.
 
     Of `torque`, `controller_state` and `learner_terms` that is each what it tells of the `ControllerOutput`.
     """
     if part == "state":
-        return message.header, state_of(message, None, finite=message.running)
+        return message.header, state_of(message, None, message.running, layout)
     if part == "torque":
-        return message.sender, {"torque": torque_of(message)}
+        return message.sender, {"torque": torque_of(message, len(layout.joints))}
     if part == "controller_state":
-        return message.sender, state_values(message)
-    values = terms_values(message)
+        eta = 2 * JOINTS if layout is LAYOUT else len(message.eta)  # nobody needs a task's
+        return message.sender, state_values(message, problem.inputs, eta)
+    values = terms_values(message, problem.inputs)
     sizes = tuple(len(names) for names in problem.observations if len(names) >= len(problem.observation))
     if values["quantities"] != problem.quantities or len(values["observation"]) not in sizes:
         got = f"quantities {values['quantities']}, {len(values['observation'])} observations"
@@ -81,7 +83,7 @@ class Publishers:
         message = msg.Transition(
             header=at,
             episode=episode,
-            problem=str(transition.problem),
+            problem=str(transition.problem)[:LONGEST_NAME],
             reward_terms=doubles(reward_terms(transition, self._training)[0]),
             reward=reward(transition, self._training),
             doubt=int(transition.doubt),

@@ -10,16 +10,19 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, create_model
 from rabbit_common.message_checks import Refused
 from rabbit_common.ros.conversions import check_episode, is_new_simulator
 from rabbit_common.ros.diagnostics import ERROR, OK, WARN, Diagnostics, Status
-from rabbit_common.ros.parameters import ParameterError, declare, given, refuse_unknown
+from rabbit_common.ros.parameters import ParameterError, declare, refuse_unknown
 from rabbit_common.ros.qos import EVENT, TICK
 from rabbit_common.ros.simulator_follower import SimulatorFollower
 from rabbit_common.ros.spin import run, steady_timer
 from rabbit_description import ABOUT_TASK
+from rabbit_description.state import LAYOUT
 from rabbit_description.task import TaskError
+from rabbit_description.task_source import load_task
+from rabbit_description.task_state import layout_of
 from rabbit_msgs import msg
 from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.policy import ZeroPolicy
@@ -30,7 +33,7 @@ from rl_trainer.checkpoint import CheckpointError
 from rl_trainer.learning_thread import LearningThread
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.ros.messages import Publishers, checked_part
-from rl_trainer.ros.task_trainer import TaskTrainerNode
+from rl_trainer.task_training import training_parameters
 from rl_trainer.tick_synchronizer import Event, Tick, TickSynchronizer
 from rl_trainer.training import Provenance, Trainer
 
@@ -68,7 +71,10 @@ class TrainerNode(SimulatorFollower):
     def __init__(self) -> None:
         super().__init__("trainer")
         own = declare(self, NodeParameters)
-        self._training = declare(self, TrainingParameters)
+        task = load_task(own.task) if own.task else None
+        default = training_parameters(task, self._seed()) if task else None
+        self._training = declare(self, TrainingParameters, default=default)
+        self._layout = layout_of(task) if task else LAYOUT
         refuse_unknown(self)
         folder = Path(own.folder) if own.folder else None
         self._published = Publishers(self, self._training, own.plan_episodes)
@@ -85,6 +91,13 @@ class TrainerNode(SimulatorFollower):
         self._diagnostics = Diagnostics(self, self._message_counter, self._status)
         steady_timer(self, 0.5, self._look)
         self.get_logger().info(f"ready: learns {self._training.problem}, begins with policy {own.policy}")
+
+    def _seed(self) -> int:
+        """What the units of a task are measured with, before the other parameters' defaults are known."""
+        model = create_model("Seed", seed=(int, TrainingParameters.model_fields["seed"]))
+        seed: int = declare(self, model, dynamic=("seed",)).model_dump()["seed"]
+        self.undeclare_parameter("seed")
+        return seed
 
     @property
     def failure(self) -> str:
@@ -111,7 +124,7 @@ class TrainerNode(SimulatorFollower):
             raise Refused(judged, f"episode {message.episode}, tick {message.tick}")
         checked = None  # what is refused is lost
         try:
-            checked = checked_part(part, message, self._training.problem)
+            checked = checked_part(part, message, self._training.problem, self._layout)
             self._message_counter.accept(part)
         finally:
             if self._is_joining:
@@ -122,7 +135,7 @@ class TrainerNode(SimulatorFollower):
     def _on_episode(self, message: msg.Episode) -> None:
         if self._started and message.episode <= self._ticks.done and message.phase != msg.Episode.WAITING:
             self._on_known_episode(message)
-        check_episode(message, self._ticks.done if self._started else 0)
+        check_episode(message, self._ticks.done if self._started else 0, self._layout)
         self._message_counter.accept("episode")
         self._newest = message
         if not self._started:
@@ -212,14 +225,9 @@ def make_trainer(training: TrainingParameters, own: NodeParameters) -> Trainer:
     return trainer
 
 
-def make() -> SimulatorFollower:
-    """The trainer of RABBIT, or of the parameter `task`."""
-    return TaskTrainerNode() if given("trainer", "task") else TrainerNode()
-
-
 def main() -> None:
     """The executable `trainer`."""
-    run(make, errors=(CheckpointError, PolicyFileError, TaskError), gives_way=True)
+    run(TrainerNode, errors=(CheckpointError, PolicyFileError, TaskError), gives_way=True)
 
 
 if __name__ == "__main__":

@@ -1,22 +1,26 @@
 """Episodes of a control task's true system, as `Simulation` has RABBIT's: what a controller sees, and how it ended."""
 
+from collections.abc import Callable
+
 import numpy as np
 from cbf_clf_qp.functions import Array
+
 from rabbit_description.state import RobotState
-from rabbit_description.task import ControlTask
+from rabbit_description.task import Commands, ControlTask
 from rabbit_description.task_state import layout_of, task_state
 
 
 class TaskSimulation:
     """One system at a time.
 
-    `true`: the plant's parameters by name, which may change between two ticks; `outcome`: running, done or failed;
-    `reason`: of a failure, the limit that was passed.
+    `true`: the plant's parameters by name, which may change between two ticks; `altered`: what an episode's commands
+    become; `outcome`: running, done or failed; `reason`: of a failure, the limit that was passed.
     """
 
     def __init__(self, task: ControlTask) -> None:
         self.task, self.true = task, dict(task.true)
         self.layout, self.tick_seconds = layout_of(task), task.seconds
+        self.altered: Callable[[Commands], Commands] = lambda commands: commands
         self.outcome, self.reason = "idle", ""
 
     def close(self) -> None:
@@ -24,7 +28,8 @@ class TaskSimulation:
 
     def reset(self, seed: int) -> RobotState:
         """A new episode."""
-        self._x, self._commands, _ = self.task.beginning(seed)
+        self._x, commands, _ = self.task.beginning(seed)
+        self._commands = self.altered(commands)
         self._tick, self._impacts, self.outcome, self.reason = 0, 0, "running", ""
         return self._state(np.full(len(self.layout.joints), np.nan))
 
