@@ -16,6 +16,7 @@ from rabbit_description import URDF_PATH
 from rabbit_description.planar_urdf import scaled
 from rabbit_description.state import Leg
 from rabbit_description.task_source import load_task
+from rabbit_description.task_state import p_of
 from rabbit_gait_design.hybrid_zero_dynamics import RepeatedStep, Walker
 from rabbit_gait_design.pinocchio_model import PinocchioModel
 from rabbit_recording.contents import contents
@@ -172,6 +173,36 @@ def test_a_walk_is_recorded_and_replayed_to_the_bit(walker, tmp_path):
     assert differing(task, tmp_path / "bag") == (len(ride.moments), [], 0.0)
 
 
+def on_stones(tmp_path, name="amber_3m", stones="{nearest: 0.33, farthest: 0.37}"):
+    """The task of that example's file, once it has stones."""
+    for kind in (".yaml", ".urdf"):
+        (tmp_path / f"{name}{kind}").write_bytes((EXAMPLES / f"{name}{kind}").read_bytes())
+    with (tmp_path / f"{name}.yaml").open("a") as file:
+        file.write(f"stones: {stones}\nsteps: 20\n")
+    return load_task(str(tmp_path / f"{name}.yaml"))
+
+
+def test_a_walker_whose_file_has_stones_lands_on_them(tmp_path):
+    """The stones differ, each is announced as the one before is reached, and the next foot comes down on it."""
+    ride = ride_of(TaskController(on_stones(tmp_path)), "oracle", 3)
+    assert ride.outcome == "done"
+    near, far = (list(ride.task.system.named).index(name) for name in ("l_min", "l_max"))
+    announced = {moment.state.touchdowns: p_of(moment.state)[[near, far]] for moment in ride.moments}
+    places = np.unique([moment.x[0] for moment in ride.moments])
+    landed = [edges[0] <= step <= edges[1] for step, edges in zip(np.diff(places), announced.values(), strict=False)]
+    assert len(landed) == 19
+    assert all(landed)
+    assert np.ptp([edges[0] for edges in announced.values()]) > 0.02
+
+
+def test_a_foot_beside_its_stone_finds_no_ground(tmp_path):
+    task = on_stones(tmp_path, stones="{nearest: 0.1, farthest: 0.1, width: 0.01}")
+    task = replace(task, quantities=task.quantities[:1])  # without the barriers, which would take the foot there
+    ride = ride_of(TaskController(task), "oracle", 3)
+    assert (ride.outcome, ride.impacts) == ("failed", 0)
+    assert "swing foot" in ride.reason
+
+
 @pytest.mark.timeout(600)  # s, on a busy machine
 def test_a_short_training_finds_most_of_the_error():
     """Held out: a walk of the oracle, which no training saw; 1 is the nominal controller's error."""
@@ -194,6 +225,7 @@ def test_a_short_training_finds_most_of_the_error():
         ("phase_range: [-0.2527,", "phase_range: [0.2527,", "expected a sum that grows"),
         ("limit: 100", "limit: -1", "limit"),
         ("limit: 100", "limits: 100", "limits"),
+        ("limit: 100", "limit: 100\nstones: {nearest: 0.4, farthest: 0.3}", "expected nearest <= farthest"),
     ],
 )
 def test_a_wrong_file_is_one_line(tmp_path, old, new, text):

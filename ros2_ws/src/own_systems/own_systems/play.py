@@ -11,9 +11,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 import casadi as ca
-import numpy as np
 from pydantic import Field, create_model
-from rabbit_description.task import Commands, ControlTask, TaskError
+from rabbit_description.task import ControlTask, Given, TaskError
 from rabbit_description.task_simulation import TaskSimulation
 from rabbit_description.task_source import load_task
 from rabbit_description.user_code import fault_in_user_code
@@ -62,7 +61,7 @@ def settings_of(task: ControlTask, start: Start) -> type[Checked]:
         true = task.true.get(name, believed)
         title = f"true {name}; the model has {believed:g}"
         fields[TRUE + name] = (Number, shown(true, *bounds(true, believed), title, step(true, believed)))
-    commanded = task.commands(np.random.default_rng(start.seed))(0.0)
+    commanded = task.beginning(start.seed)[1](0.0, 0)
     rates = rates_of(task)
     for name in commanded.keys() - (rates or ()):
         most = abs(commanded[name]) or 1.0
@@ -97,13 +96,13 @@ def rates_of(task: ControlTask) -> set[str] | None:
     return found if all(any(ca.is_equal(named[name], rate) for name in found) for rate in rates) else None
 
 
-def altered(task: ControlTask, settings: Any, commands: Commands) -> Commands:
-    """What is commanded under the settings."""
+def altered(task: ControlTask, settings: Any, given: Given) -> Given:
+    """What is commanded and announced under the settings."""
     rates, chosen = rates_of(task) or set(), settings.model_dump()
     pace = chosen.get("pace", 1.0)
 
-    def at(t: float) -> dict[str, float]:
-        values = commands(pace * t).items()
+    def at(t: float, impacts: int) -> dict[str, float]:
+        values = given(pace * t, impacts).items()
         return {name: pace * v if name in rates else v + chosen.get(ADDED + name, 0.0) for name, v in values}
 
     return at
@@ -169,8 +168,8 @@ class TaskPlayer(playing.Playing):
         self.model = settings_of(task, start)
         self._rides: list[PlayedRide] = []
         try:
-            x, commands, _ = task.beginning(start.seed)
-            most = ROOM * len(numbers_of(pictured(task, x, task.parameters_at({}, commands(0.0)))))
+            x, given, _ = task.beginning(start.seed)
+            most = ROOM * len(numbers_of(pictured(task, x, task.parameters_at({}, given(0.0, 0)))))
             self._rows = [RideRows(each, most) for each in self._tasks]
             super().__init__(self.model(), send)
         except TaskError as error:

@@ -25,7 +25,7 @@ import numpy as np
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.constraints import Barrier
 from cbf_clf_qp.functions import Array, NumpyFunction
-from cbf_clf_qp.quantity import Constrained, Terms
+from cbf_clf_qp.quantity import Constrained, Rows, Terms
 from cbf_clf_qp.system import System
 from cbf_clf_qp.tick import Tick
 from scipy.optimize import brentq
@@ -35,6 +35,8 @@ from rabbit_description.validation import one_of
 SUBSTEP = 0.001  # s, of the plant's integration, at most
 EVENT_TOLERANCE = 1e-13  # s, of an impact
 Commands = Callable[[float], Mapping[str, float]]
+Announced = Callable[[int], Mapping[str, float]]
+Given = Callable[[float, int], Mapping[str, float]]  # both, of the time, s, and the number of impacts
 OwnController = Callable[[Array, Array], Array]
 
 
@@ -109,7 +111,8 @@ class ControlTask:
         quantities: CLF and barriers, see `cbf_clf_qp.constraints`.
         nominal: the parameters that the model has, by name; `true`: those of the plant that differ.
         start: the least and the greatest first state (n,); each episode draws one.
-        commands: of an episode's random generator: a function of time (s) that gives all other parameters.
+        commands: of an episode's random generator: a function of time (s) that gives the other parameters.
+        announce: likewise a function of the number of impacts, for what changes with each, as the next stone's edges.
         limit: of |u|, each component.
         seconds, duration: of a tick and of an episode.
         observation: what a policy reads, by name; None: the state.
@@ -117,6 +120,7 @@ class ControlTask:
             `Limit` by its name, or several; it is looked at as a tick ends, but not one with an impact, in which forces
             are the impact's.
         tolerance: by how much a barrier may be negative and still counts as kept, in its own unit.
+        constraints: further rows, under the model, see `Tick`: nothing of them is learned.
         objective: see `Tick`; None: the least mu.
         coordinates: names of q; none: x1, x2, ... inputs: names of u; none: u1, u2, ...
         draw: shapes in the plane for a state x and parameters p (a mapping by name).
@@ -136,12 +140,14 @@ class ControlTask:
     true: Mapping[str, float]
     start: tuple[Sequence[float], Sequence[float]]
     commands: Callable[[np.random.Generator], Commands] = field(default=lambda rng: lambda t: {})
+    announce: Callable[[np.random.Generator], Announced] = field(default=lambda rng: lambda impacts: {})
     limit: float | None = None
     seconds: float = 0.01
     duration: float = 5.0
     observation: Mapping[str, ca.SX] | None = None
     failed: ca.SX | Mapping[str, Limit] | None = None
     tolerance: float = 0.01
+    constraints: Sequence[Callable[[Terms], list[Rows]]] = ()
     objective: Callable[[Terms], Affine | None] | None = None
     coordinates: tuple[str, ...] = ()
     inputs: tuple[str, ...] = ()
@@ -171,7 +177,7 @@ class ControlTask:
             raise TaskError(f"impact: after has {self.impact.after.numel()} components; expected {n}")
         if self.impacts is not None and (self.impact is None or self.impacts < 1):
             raise TaskError(f"impacts = {self.impacts}: expected 1 or more, and an impact")
-        self.parameters_at({}, self.commands(np.random.default_rng(0))(0.0))
+        self.parameters_at({}, self.beginning(0)[1](0.0, 0))
 
     @cached_property
     def tick(self) -> Tick:
@@ -180,7 +186,14 @@ class ControlTask:
             "observation": ca.vertcat(*self.observed.values()),
             "barriers": ca.vertcat(*(b.B for b in self.barriers)),
         }
-        return Tick(self.system, self.quantities, limit=self.limit, objective=self.objective, reads=reads)
+        return Tick(
+            self.system,
+            self.quantities,
+            limit=self.limit,
+            constraints=self.constraints,
+            objective=self.objective,
+            reads=reads,
+        )
 
     @property
     def barriers(self) -> list[Barrier]:
@@ -206,14 +219,16 @@ class ControlTask:
         """Of the inputs."""
         return self.inputs or tuple(f"u{i + 1}" for i in range(self.system.u.numel()))
 
-    def beginning(self, seed: int) -> tuple[Array, Commands, np.random.Generator]:
-        """Of an episode: its first state x (n,), its commands, and the generator of what exploration adds to mu."""
-        course, exploring = (np.random.default_rng(each) for each in np.random.SeedSequence(seed).spawn(2))
-        return course.uniform(*np.asarray(self.start, dtype=float)), self.commands(course), exploring
+    def beginning(self, seed: int) -> tuple[Array, Given, np.random.Generator]:
+        """Of an episode: its first state x (n,), the other parameters, and the generator of what exploration adds."""
+        course, exploring = (np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(2))
+        x = course.uniform(*np.asarray(self.start, dtype=float))
+        commanded, announced = self.commands(course), self.announce(course)
+        return x, lambda seconds, impacts: {**commanded(seconds), **announced(impacts)}, exploring
 
     @property
     def commanded(self) -> tuple[str, ...]:
-        """The parameters that `commands` gives."""
+        """The parameters that `commands` and `announce` give."""
         return tuple(name for name in self.system.named if name not in self.nominal)
 
     def parameters_at(self, of_plant: Mapping[str, float], commanded: Mapping[str, float]) -> Array:

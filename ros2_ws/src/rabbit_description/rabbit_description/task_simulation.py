@@ -6,7 +6,7 @@ import numpy as np
 from cbf_clf_qp.functions import Array
 
 from rabbit_description.state import RobotState
-from rabbit_description.task import Commands, ControlTask
+from rabbit_description.task import ControlTask, Given
 from rabbit_description.task_state import layout_of, task_state
 
 
@@ -20,7 +20,7 @@ class TaskSimulation:
     def __init__(self, task: ControlTask) -> None:
         self.task, self.true = task, dict(task.true)
         self.layout, self.tick_seconds = layout_of(task), task.seconds
-        self.altered: Callable[[Commands], Commands] = lambda commands: commands
+        self.altered: Callable[[Given], Given] = lambda given: given
         self.outcome, self.reason = "idle", ""
 
     def close(self) -> None:
@@ -28,8 +28,8 @@ class TaskSimulation:
 
     def reset(self, seed: int) -> RobotState:
         """A new episode."""
-        self._x, commands, _ = self.task.beginning(seed)
-        self._commands = self.altered(commands)
+        self._x, given, _ = self.task.beginning(seed)
+        self._given = self.altered(given)
         self._tick, self._impacts, self.outcome, self.reason = 0, 0, "running", ""
         return self._state(np.full(len(self.layout.joints), np.nan))
 
@@ -55,7 +55,7 @@ class TaskSimulation:
         return np.zeros(len(state.applied))
 
     def _commanded(self) -> dict[str, float]:
-        return dict(self._commands(self._tick * self.task.seconds))
+        return dict(self._given(self._tick * self.task.seconds, self._impacts))
 
     def _state(self, applied: Array) -> RobotState:
         p = self.task.parameters_at({}, self._commanded())

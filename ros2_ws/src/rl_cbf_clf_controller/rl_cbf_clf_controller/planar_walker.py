@@ -17,19 +17,23 @@ from typing import Annotated, Any, Self
 
 import casadi as ca
 import numpy as np
-from cbf_clf_qp import Clf, System
+from cbf_clf_qp import Barrier, Clf, System
+from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.functions import Array, NumpyFunction, packed
+from cbf_clf_qp.quantity import Constrained, Rows, Terms
 from cbf_clf_qp.system import solved
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 from rabbit_description.bounded_file import read_text
 from rabbit_description.planar_urdf import BASE, SLIDES, with_planar_base
-from rabbit_description.task import ControlTask, Disc, Impact, Limit, Line, Shape, TaskError
+from rabbit_description.task import Announced, ControlTask, Disc, Impact, Limit, Line, Shape, TaskError
 from rabbit_description.validation import one_line, one_of
 from rabbit_description.yaml_file import MOST_BYTES, read_mapping
 
+from rl_cbf_clf_controller.contact_force import force_rows
 from rl_cbf_clf_controller.planar_robot import PinnedRobot, rotated
 from rl_cbf_clf_controller.robot_numbers import read_robot
 from rl_cbf_clf_controller.step_paths import StepPath
+from rl_cbf_clf_controller.stone_barriers import stone_barriers
 from rl_cbf_clf_controller.virtual_constraints import Angles, OutputExpressions, VirtualConstraints
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -37,6 +41,36 @@ Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Sum = dict[str, Finite]  # of coordinates, by name
 FOOT, NOMINAL = "foot", {"mass": 1.0, "payload": 0.0, "motors": 1.0}
 MARKS = 0.5  # m, between those on the ground of a picture
+FORCE_WEIGHT = 1e6  # of the slacks of the force rows
+GAP_DEPTH = 0.03  # m, below which a foot beside its stone has missed it
+EDGES = "l_min", "l_max"
+
+
+class StonesFile(BaseModel):
+    """Stepping stones: one for each step, of which the next one is announced. Their edges, m, are from the stance foot.
+
+    `poles`, `R1`, `R2`: of the barriers, see `stone_barriers`.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    nearest: Positive = Field(description="least near edge that is drawn, m")
+    farthest: Positive = Field(description="largest near edge that is drawn, m")
+    width: Positive = Field(0.05, description="m")
+    poles: tuple[Positive, Positive] = Field((100.0, 100.0), description="1/s")
+    R1: Positive = Field(2.0, description="m")
+    R2: Positive = Field(1.5, description="m")
+
+    @model_validator(mode="after")
+    def _is_range(self) -> Self:
+        if self.nearest > self.farthest:
+            raise ValueError(f"nearest = {self.nearest:g}, farthest = {self.farthest:g}: expected nearest <= farthest")
+        return self
+
+    def announce(self, rng: np.random.Generator, steps: int) -> Announced:
+        """Edges by the number of steps."""
+        near = rng.uniform(self.nearest, self.farthest, steps + 1).tolist()
+        return lambda impacts: dict(zip(EDGES, (near[impacts], near[impacts] + self.width), strict=True))
 
 
 class WalkerFile(BaseModel):
@@ -62,6 +96,9 @@ class WalkerFile(BaseModel):
     fallen_pitch: Positive = Field(1.2, description="rad, either way")
     fallen_hip: Positive = Field(description="m above the stance foot")
     least_step: Positive = Field(0.05, description="m ahead of the stance foot, from which on the swing foot lands")
+    stones: StonesFile | None = Field(None, description="on which it walks; without them, on flat ground")
+    least_force: Positive = Field(20.0, description="N, normal to the ground, on stones")
+    friction: Positive = Field(0.8, description="of the ground, on stones")
     steps: int = Field(100, ge=1, description="of an episode")
     longest_step: Positive = Field(3.0, description="s, in the mean of an episode")
     spread: tuple[Finite, Finite] = Field((0.03, 0.05), description="of the start: angles, rad; rates, a share")
@@ -131,7 +168,9 @@ class PlanarWalker:
         self.q, self.dq, self.foot = robot.q[SLIDES:], robot.dq[SLIDES:], foot
         acceleration = self._held(robot.acceleration(robot.u))[SLIDES:]
         x, x_dot = ca.vertcat(foot, self.q, foot_rate, self.dq), ca.vertcat(foot_rate, self.dq, 0, acceleration)
-        self.system = System(x, robot.u, x_dot, self.parameters)
+        self.edges = {name: ca.SX.sym(name) for name in EDGES} if file.stones else {}
+        self.system = System(x, robot.u, x_dot, {**self.parameters, **self.edges})
+        self.swing = self._held(robot.swing)
         rows = {name: self._row(of) for name, of in file.outputs.items()}
         self.outputs = sorted(rows, key=lambda name: (rows[name][::-1].tolist(), name))  # not as the file has them
         self.angles = Angles(np.array([rows[name] for name in self.outputs]), self._row(file.phase))
@@ -165,14 +204,17 @@ class PlanarWalker:
     @cached_property
     def impact(self) -> Impact:
         """The swing foot lands, and the legs exchange their names; the motors go on with the torques that they have."""
-        robot, swing = self.robot, self._held(self.robot.swing)
+        robot, swing = self.robot, self.swing
         mass, jacobian = robot.mass_and_bias[0], ca.jacobian(robot.feet[1], robot.q)
         spread = solved(mass, jacobian.T)
         stopped = robot.dq - spread @ solved(jacobian @ spread, jacobian @ robot.dq)
         rates = self._held(stopped)[SLIDES:]
         order = (self.order[SLIDES:] - SLIDES).tolist()
         after = ca.vertcat(self.foot + swing[0], self.q[order], 0, rates[order])
-        return Impact(guard=swing[1], after=after, armed=swing[0] - self.file.least_step, held=robot.u[self.swap])
+        lands = swing[0] - self.file.least_step
+        if self.edges:
+            lands = ca.fmin(swing[0] - self.edges["l_min"], self.edges["l_max"] - swing[0])
+        return Impact(guard=swing[1], after=after, armed=lands, held=robot.u[self.swap])
 
     @cached_property
     def task(self) -> ControlTask:
@@ -190,16 +232,27 @@ class PlanarWalker:
             "hip": Limit(hip[1], least=file.fallen_hip, unit="m"),
             "force of the ground": Limit(force[1], least=0.0, unit="N"),
         }
+        quantities: list[Constrained] = [Clf(y, file.eps, gains=file.gains)]
+        observation = dict(zip(names, ca.vertsplit(seen), strict=True))
+        if file.stones:
+            observation["l_min"], height = self.edges["l_min"], ca.fmax(-self.swing[1], 0)
+            beyond = self.swing[0] > file.least_step
+            failed["depth of the swing foot"] = Limit(ca.if_else(beyond, height, 0), most=GAP_DEPTH, unit="m")
+            near, far = self.edges.values()
+            both = stone_barriers(self.swing, near, far, 0.0, file.stones.R1, file.stones.R2)
+            quantities += [Barrier(f"B{i}", B, file.stones.poles) for i, B in enumerate(both, 1)]
         return ControlTask(
             self.name,
             system,
-            [Clf(y, file.eps, gains=file.gains)],
+            quantities,
             nominal=NOMINAL,
             true=file.plant,
             start=self.start,
             limit=file.limit,
             duration=file.steps * file.longest_step,
-            observation=dict(zip(names, ca.vertsplit(seen), strict=True)),
+            observation=observation,
+            constraints=[self.force_rows] if file.stones else [],
+            announce=lambda rng: file.stones.announce(rng, file.steps) if file.stones else lambda _: {},
             failed=failed,
             coordinates=("foot", *self.coordinates),
             inputs=tuple(self.motors),
@@ -208,6 +261,12 @@ class PlanarWalker:
             impacts=file.steps,
             training=file.training,
         )
+
+    def force_rows(self, terms: Terms) -> list[Rows]:
+        """The ground pushes and does not slip, under the model."""
+        force = self.robot.force
+        normal_tangential = Affine(self._held(force.a[[1, 0], :]), self._held(force.b[[1, 0]])).after(terms.control)
+        return force_rows(normal_tangential, ca.SX(self.file.least_force), ca.SX(self.file.friction), FORCE_WEIGHT)
 
     @property
     def start(self) -> tuple[list[float], list[float]]:
@@ -241,6 +300,11 @@ class PlanarWalker:
         legs = [Line(at.swing.T - over, "tab:gray", 5), Line(at.stance.T - over, "tab:blue", 5)]
         torso = Line(np.array([at.hip, at.top]) - over, "black", 6)
         ground = Line(np.array([[-1.0, 0.0], [1.0, 0.0]]), width=1)
+        if self.edges:
+            foot, half = -at.hip[0], (p["l_max"] - p["l_min"]) / 2
+            edges = (foot - half, foot + half), (foot + p["l_min"], foot + p["l_max"])
+            stones = [Line(np.array([[near, 0.0], [far, 0.0]]), width=3) for near, far in edges]
+            return [*stones, *legs, torso]
         first = np.ceil((place - 1) / MARKS) * MARKS
         marks = [Disc(np.array([mark - place, 0.0]), 0.012, "black") for mark in np.arange(first, place + 1, MARKS)]
         return [ground, *marks, *legs, torso]
