@@ -3,13 +3,11 @@
 rabbit walk --controller none --terrain flat    and in another shell: python examples/own_controller_node.py
 """
 
-from contextlib import suppress
 
 import rclpy
 from numpy import array, clip, ndarray
 from numpy.polynomial.polynomial import polyder, polyval
 from rabbit_msgs.msg import RobotState, TorqueCommand
-from rclpy.executors import ExternalShutdownException
 
 PATH = array([  # rad: of stance hip, stance knee, swing hip, swing knee the factors of 1, s, s^2, ... over the phase s
     [-0.622, 0.213, -0.173, 0.203],
@@ -44,5 +42,10 @@ rclpy.init()
 node = rclpy.create_node("pd_controller")
 torques = node.create_publisher(TorqueCommand, "torque", 10)
 node.create_subscription(RobotState, "state", answer, 10)
-with suppress(KeyboardInterrupt, ExternalShutdownException):  # Ctrl-C, SIGTERM
+try:
     rclpy.spin(node)
+except KeyboardInterrupt:
+    pass
+except Exception:  # noqa: BLE001
+    if rclpy.ok():  # else SIGTERM has ended it, perhaps as it published
+        raise

@@ -3,12 +3,10 @@
 python examples/own_simulator_node.py    and in another shell: python examples/own_controller_node.py
 """
 
-from contextlib import suppress
 
 import numpy as np
 import rclpy
 from rabbit_msgs.msg import Episode, RobotState, TorqueCommand
-from rclpy.executors import ExternalShutdownException
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 TICKS, TICK, DAMPING = 300, 0.01, 2.0  # of the episode; s; N m s/rad
@@ -45,5 +43,10 @@ at_rest = {"foot_force": [0.0] * 4, "contact": [False] * 2, "applied": [np.nan] 
 state = RobotState(episode=1, running=True, q=[0.0, 1.0, 0.0, -0.4, 0.4, 0.2, 0.3], **at_rest)
 announce(Episode.RUNNING, 0)
 node.create_timer(0.5, lambda: states.publish(state) if state.running else None)  # until it is answered
-with suppress(KeyboardInterrupt, ExternalShutdownException):  # Ctrl-C, SIGTERM
+try:
     rclpy.spin(node)
+except KeyboardInterrupt:
+    pass
+except Exception:  # noqa: BLE001
+    if rclpy.ok():  # else SIGTERM has ended it, perhaps as it published
+        raise

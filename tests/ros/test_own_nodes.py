@@ -155,20 +155,27 @@ def test_a_turn_too_large_for_its_squares_is_not_known() -> None:
 SPINS = """
 import rclpy, runpy, sys
 spin = rclpy.spin
-rclpy.spin = lambda node: print("spins", flush=True) or spin(node)
+
+def published_late(node):
+    rclpy.shutdown()  # as a signal does, whatever a callback is about to do
+    publisher = next(iter(node.publishers))
+    publisher.publish(publisher.msg_type())
+
+rclpy.spin = published_late if "late" in sys.argv else lambda node: print("spins", flush=True) or spin(node)
 runpy.run_path(sys.argv[1])
 """
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, None])
 @pytest.mark.parametrize("name", ["own_controller_node", "own_simulator_node"])
-def test_a_signal_ends_an_example_without_a_traceback(name: str, number: signal.Signals) -> None:
-    """As `timeout` and Ctrl-C do."""
-    words = [sys.executable, "-c", SPINS, str(EXAMPLES / f"{name}.py")]
+def test_a_signal_ends_an_example_without_a_traceback(name: str, number: signal.Signals | None) -> None:
+    """As `timeout` and Ctrl-C do; None: one that comes as the node publishes."""
+    words = [sys.executable, "-c", SPINS, str(EXAMPLES / f"{name}.py"), "spins" if number else "late"]
     process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert process.stdout
-    assert process.stdout.readline() == "spins\n"
-    time.sleep(0.5)  # rclpy's first wait begins meanwhile: a signal before it is an RCLError of rclpy
-    process.send_signal(number)
+    if number:
+        assert process.stdout.readline() == "spins\n"
+        time.sleep(0.7)  # rclpy's first wait begins meanwhile: a signal before it is an RCLError of rclpy
+        process.send_signal(number)
     said = process.communicate(timeout=60)[1]
     assert (process.returncode, said) == (0, "")
