@@ -171,7 +171,7 @@ def start_own(world: Any, name: str, executable: str = "", **parameters: Any) ->
 def test_the_graph_of_a_task(world: Any) -> None:
     episodes, nodes = world.hear("episode"), ["simulator", "controller", "trainer"]
     start_own(world, "controller")
-    start_own(world, "trainer", episodes=10_000, path=world.folder / "policy.safetensors")
+    start_own(world, "trainer", folder=world.folder / "learned")
     start_own(world, "simulator", episodes=100_000, readers=2, trainer="follow")
     stranger = Stranger(world, nodes)
     stranger.sends(SENT, seed=1)

@@ -3,14 +3,13 @@
 import json
 from array import array
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from cbf_clf_qp.functions import Array
 from rabbit_common.executables import sourced_share
-from rabbit_common.message_checks import Refused, array_of, doubles
+from rabbit_common.message_checks import Refused, check_lengths, doubles
 from rabbit_common.task_messages import measured_fields, parameter_fields, state_of
 from rabbit_description.state import RobotState
 from rabbit_description.task import ControlTask
@@ -98,19 +97,10 @@ def offered(latched: bool) -> Qos:
     return Qos(*kept, FOREVER, FOREVER, QosLiveliness.AUTOMATIC, FOREVER, avoid_ros_namespace_conventions=False)
 
 
-@dataclass(frozen=True)
-class RecordedTick:
-    """What was measured and commanded at a tick, and the answer: the state, the input u (m,), by whom."""
+def recorded_ticks(task: ControlTask, path: Path, policies: dict[str, bytes]) -> Iterator[tuple[Any, RobotState]]:
+    """The answer, a `TorqueCommand`, to each state that was heard whole; `policies` gets the recorded ones by version.
 
-    episode: int
-    state: RobotState
-    u: Array
-    by: str
-
-
-def recorded_ticks(task: ControlTask, path: Path, policies: dict[str, bytes]) -> Iterator[RecordedTick]:
-    """Those with state, parameters and torque, which a recorder may have heard in any order; `policies` gets the
-    recorded ones by version.
+    A recorder may have heard state, parameters and torque in any order.
 
     Raises `RecordingError` where it is of another task.
     """
@@ -129,23 +119,24 @@ def recorded_ticks(task: ControlTask, path: Path, policies: dict[str, bytes]) ->
         if all(turn in each for each in heard.values()):
             state, parameters, torque = (each.pop(turn) for each in heard.values())
             try:
-                u = array_of(torque, "torque", len(task.names_of_u))
+                check_lengths(torque, {"torque": len(task.names_of_u)})
                 measured = state_of(task, state, parameters)
             except Refused as error:
                 raise RecordingError(f"recording {path}: tick {turn}: {error}") from error
-            yield RecordedTick(m.episode, measured, u, torque.policy_version)
+            yield torque, measured
 
 
-def replayed(task: ControlTask, path: Path) -> Iterator[tuple[RecordedTick, Moment]]:
-    """Each recorded tick, and what its controller makes of it again.
+def replayed(task: ControlTask, path: Path) -> Iterator[tuple[Any, Moment]]:
+    """Each recorded answer, a `TorqueCommand`, and what its controller makes of the state again.
 
     Raises `RecordingError`, also where a policy is not in it or not for this task, or no tick of the task.
     """
     controller, policies, by = TaskController(task), dict[str, bytes](), None
-    for tick in recorded_ticks(task, path, policies):
-        if tick.by != by or not tick.state.tick:
-            by, controller.policy = tick.by, recorded_controller(controller, path, tick.by, policies)
-        yield tick, moment_of(controller, Record(tick.state, controller.step(tick.state)))
+    for answer, state in recorded_ticks(task, path, policies):
+        if answer.policy_version != by or not state.tick:
+            by = answer.policy_version
+            controller.policy = recorded_controller(controller, path, by, policies)
+        yield answer, moment_of(controller, Record(state, controller.step(state)))
     if by is None:
         raise RecordingError(f"recording {path}: no tick of {task.name} in it")
 
@@ -156,10 +147,10 @@ def differing(task: ControlTask, path: Path) -> tuple[int, list[int], float]:
     Raises `RecordingError`, as `replayed`.
     """
     count, wrong, furthest = 0, list[int](), 0.0
-    for tick, moment in replayed(task, path):
+    for answer, moment in replayed(task, path):
         count += 1
-        if off := float(np.abs(moment.u - tick.u).max()):
-            wrong.append(tick.state.tick)
+        if off := float(np.abs(moment.u - answer.torque).max()):
+            wrong.append(answer.tick)
             furthest = max(furthest, off)
     return count, wrong, furthest
 
@@ -167,12 +158,12 @@ def differing(task: ControlTask, path: Path) -> tuple[int, list[int], float]:
 def recorded_ride(task: ControlTask, path: Path, number: int | None = None) -> Ride:
     """Episode `number`, or the last one that has ticks, with its recorded inputs; raises `RecordingError`."""
     ride, newest, after = None, None, 0
-    for tick, moment in replayed(task, path):
-        if number in (None, tick.episode):
-            if ride is None or tick.episode != newest:
-                ride, newest = Ride(task, tick.by, 0), tick.episode
-            after = tick.state.tick + 1
-            ride.moments.append(replace(moment, output=replace(moment.output, torque=tick.u)))
+    for answer, moment in replayed(task, path):
+        if number in (None, answer.episode):
+            if ride is None or answer.episode != newest:
+                ride, newest = Ride(task, answer.policy_version, 0), answer.episode
+            after = answer.tick + 1
+            ride.moments.append(replace(moment, output=replace(moment.output, torque=np.array(answer.torque))))
     if ride is None:
         raise RecordingError(f"recording {path}: no tick of episode {number} in it")
     said = next(each for each in iterate_inventories(path) if each.number == newest)

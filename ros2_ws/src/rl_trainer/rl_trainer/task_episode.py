@@ -98,11 +98,8 @@ def ride_of(controller: TaskController, controlling: Controlling, seed: int, sig
     simulation = TaskSimulation(controller.task)
     controller.policy, controller.sigma = controlling, sigma
     ridden = Ride(controller.task, controller.version, seed)
-
-    def keep(record: Record) -> None:
-        ridden.moments.append(moment_of(controller, record))
-
-    ridden.end(simulation, rollout(simulation, controller, seed, keep))
+    last = rollout(simulation, controller, seed, lambda record: ridden.moments.append(moment_of(controller, record)))
+    ridden.end(simulation, last)
     return ridden
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from cbf_clf_qp.estimates import Estimates, measure
 from cbf_clf_qp.functions import Array
-from rabbit_description.task import ControlTask
+from rabbit_description.task import ControlTask, TaskError
 from rabbit_description.task_simulation import TaskSimulation
 from rl_cbf_clf_controller.policy import ActorPolicy, LearnedPolicy
 from rl_cbf_clf_controller.problem import LEAST, QUANTILE, ROOM, Problem
@@ -30,8 +30,12 @@ def measured_problem(task: ControlTask, seed: int) -> Problem:
 
     Rides of the nominal controller and of the oracle show them: an observation has its mean and deviation, an estimate
     `ROOM` times the greatest that the oracle has, an error the root of its mean square under the nominal model.
+    Raises `TaskError` where one difference does not measure the quantities.
     """
-    measure(task.tick.terms)  # raises ValueError where one difference cannot measure them
+    try:
+        measure(task.tick.terms)
+    except ValueError as error:
+        raise TaskError(f"{task.name}: {error}") from error
     controller = TaskController(task)
     problem, greatest, errors, moments = controller.problem, list[tuple[Array, Array]](), list[Array](), list[Moment]()
     for i, name in enumerate((NOMINAL, ORACLE) * RIDES):

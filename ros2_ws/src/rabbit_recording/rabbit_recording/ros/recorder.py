@@ -165,7 +165,3 @@ def offered(profile: QoSProfile) -> Qos:
 def main() -> None:
     """The executable `recorder`."""
     run(RecorderNode, errors=(RecordingError,))
-
-
-if __name__ == "__main__":
-    main()

@@ -192,7 +192,3 @@ class ViewerNode(SimulatorFollower):
 def main() -> None:
     """The executable `viewer`."""
     run(ViewerNode, errors=(PageError,), gives_way=True)
-
-
-if __name__ == "__main__":
-    main()

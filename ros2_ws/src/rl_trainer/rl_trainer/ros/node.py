@@ -228,7 +228,3 @@ def make_trainer(training: TrainingParameters, own: NodeParameters) -> Trainer:
 def main() -> None:
     """The executable `trainer`."""
     run(TrainerNode, errors=(CheckpointError, PolicyFileError, TaskError), gives_way=True)
-
-
-if __name__ == "__main__":
-    main()
