@@ -8,12 +8,7 @@ from rl_cbf_clf_controller.controller_output import flat
 from rl_cbf_clf_controller.policy import ActorPolicy, estimate_function
 from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.uncertainty import PAPER, RL_CBF_CLF_QP, RL_CLF_QP, STEP_LENGTH
-from rl_cbf_clf_controller.weights import (
-    PROBE,
-    PolicyFile,
-    PolicyFileError,
-    decode,
-)
+from rl_cbf_clf_controller.weights import PROBE, PolicyFile, PolicyFileError, decode
 from untrained_policy import policy_file, policy_metadata
 
 
@@ -61,8 +56,7 @@ def test_outputs_that_differ_from_those_stored_are_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    "changes",
-    [{"observation": ("y1",)}, {"observation_center": (0.0,) * 14}, {"hidden": (0, 6)}, {"something": 1}],
+    "changes", [{"observation": ("y1",)}, {"observation_center": (0.0,) * 14}, {"hidden": (0, 6)}, {"something": 1}]
 )
 def test_metadata_that_does_not_fit(changes: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match=next(iter(changes))):

@@ -8,15 +8,7 @@ from rabbit_description.gait import load_gait
 from rabbit_recording.active_settings import Settings
 from rabbit_recording.bag_writer import BagWriter
 from rabbit_recording.commands.bag import app
-from recorded_walk import (
-    LATCHED,
-    TICK_NS,
-    TOPICS,
-    TYPES,
-    Walk,
-    message,
-    told,
-)
+from recorded_walk import LATCHED, TICK_NS, TOPICS, TYPES, Walk, message, told
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from typer.testing import CliRunner
 

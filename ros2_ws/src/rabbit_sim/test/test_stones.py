@@ -38,10 +38,7 @@ def test_a_course_is_its_seeds():
 
 @pytest.mark.parametrize(
     ("name", "text"),
-    [
-        ("c.yaml", "stones: [{l_min: 0.3, l_max: 0.36}, {l_min: 0.4}]"),
-        ("c.csv", "l_min,l_max\n0.3,0.36\n0.4,\n"),
-    ],
+    [("c.yaml", "stones: [{l_min: 0.3, l_max: 0.36}, {l_min: 0.4}]"), ("c.csv", "l_min,l_max\n0.3,0.36\n0.4,\n")],
 )
 def test_course_files(tmp_path, name, text):
     path = tmp_path / name
