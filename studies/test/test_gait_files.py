@@ -1,11 +1,7 @@
 """Gait files: every shipped one walks as it says; a bad one is refused with a word about what is wrong."""
 
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pytest
-import yaml
 from rabbit_description import GAITS
 from rabbit_description.gait import GaitError, load_gait, shipped
 from rabbit_gait_design import GaitSpecification
@@ -37,14 +33,6 @@ def test_shipped_gait_keeps_its_specification_and_its_figures(name: str) -> None
     assert figures.peak_torque <= 1.02 * spec.torque_limit
     for key, value in gait.metadata["figures"].items():
         assert getattr(figures, key) == pytest.approx(value, rel=1e-3, abs=2e-4), key
-
-
-def refused(content: Any, tmp_path: Path) -> str:
-    path = tmp_path / "bad.yaml"
-    path.write_text(yaml.safe_dump(content) if not isinstance(content, str) else content, encoding="utf-8")
-    with pytest.raises(GaitError, match=r"bad\.yaml") as caught:
-        load_gait(path)
-    return str(caught.value)
 
 
 def test_no_such_gait_names_those_that_exist() -> None:

@@ -59,16 +59,3 @@ def test_an_estimator_that_comes_in_the_middle_says_so_and_the_next_episode_walk
     assert f"the estimator came in at tick {first.tick}, in the middle of the episode" in said
     (unknown,) = {m.tick for m in states if m.episode == 1 and np.isnan(m.q).all()}
     assert unknown == first.tick
-
-
-def test_a_simulator_that_is_started_again_walks_on(world: Any) -> None:
-    states, episodes = begin(world, pace=1.0)
-    world.wait(lambda: bool(states) and states[-1].tick > 20)
-    world.processes.kill(("simulator",))
-    world.spin(0.3)
-    heard = len(states)
-    world.start("simulator", **PLANT)
-    world.go()
-    world.wait(lambda: bool(ended(episodes, 1)))
-    assert ended(episodes, 1)[0].outcome == "walked"
-    assert (states[heard].episode, states[heard].tick) == (1, 0)

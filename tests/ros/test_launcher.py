@@ -184,25 +184,6 @@ def test_an_episode_that_an_operator_asks_for_is_walked_to_its_end(tmp_path: Pat
     assert process.returncode == ExitCode.WALKED
 
 
-def test_an_episode_that_the_graph_broke_is_no_fall(tmp_path: Path) -> None:
-    """A controller that stands still answers nothing."""
-    folder = tmp_path / "walk"
-    words = ("--out", folder, "--stones", 150, "--pace", 1, "--no-trainer", *QUICK)
-    process = subprocess.Popen([*RABBIT, "walk", *map(str, words)], stdout=subprocess.PIPE, text=True)
-    wait_for(lambda: is_under_way(folder))
-    controller = running(folder)["controller"]
-    os.kill(controller, signal.SIGSTOP)
-    wait_for(lambda: "simulator" not in running(folder))  # all were told to end
-    os.kill(controller, signal.SIGCONT)
-    out, _ = process.communicate(timeout=300)
-    assert process.returncode == ExitCode.FAULT
-    assert "silent (no torque" in out
-    assert "of 150 stones" in out
-    assert out.splitlines()[-1] == "fault: 0 of 1 episodes walked"
-    assert json.loads((folder / "summary.json").read_text())["exit_code"] == ExitCode.FAULT
-    assert not running(folder)
-
-
 def test_a_second_walk_in_one_namespace_is_refused(walking: subprocess.Popen[str], tmp_path: Path) -> None:
     second = rabbit("walk", "--out", tmp_path / "second", "--stones", 1)
     (line,) = second.stderr.splitlines()

@@ -13,11 +13,10 @@ import numpy as np
 import pytest
 from rabbit_bringup.hardware import in_world
 from rabbit_common.ros.conversions import encoder_message, foot_wrench, header, imu_message
-from rabbit_description.state import ACTUATED, BodySensors
+from rabbit_description.state import BodySensors
 from rabbit_msgs.msg import Episode
 from rabbit_recording.timing import real_time_figures
 from rclpy.qos import qos_profile_sensor_data
-from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool
 
@@ -147,28 +146,6 @@ def assert_at_rest(world: Any) -> None:
     world.commands.clear()
     world.spin(0.5)
     assert all(list(message.data) == [0.0] * 4 for message in world.commands)
-
-
-@pytest.mark.parametrize(
-    ("wrong", "refusal"),
-    [
-        (JointState(name=["left_hip", "left_knee"], position=[0.0] * 2, velocity=[0.0] * 2), "other joints"),
-        (JointState(name=list(ACTUATED), position=[0.0] * 4, velocity=[0.0] * 3), "wrong length"),
-    ],
-)
-def test_joints_that_are_not_the_robots_are_refused(world: Any, wrong: JointState, refusal: str) -> None:
-    said = world.hear("diagnostics")
-    space = ("--ros-args", "-r", f"__ns:=/{world.namespace}")
-    world.processes.start("bridge", space, "ros2_control", "rabbit_bringup")
-    publisher = world.node.create_publisher(JointState, "joint_states", qos_profile_sensor_data)
-    world.wait(lambda: publisher.get_subscription_count() > 0)
-    world.spin(0.5)
-
-    def is_refused() -> bool:
-        publisher.publish(wrong)
-        return any(f"refused joint_states: {refusal}" in v.key for m in said for s in m.status for v in s.values)
-
-    world.wait(is_refused)
 
 
 @pytest.mark.parametrize(

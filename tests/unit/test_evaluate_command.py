@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rabbit_bringup.cli import app
-from rl_cbf_clf_controller.parameters import load_parameters
 from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP
 from typer.testing import CliRunner, Result
 from untrained_policy import policy_file, policy_metadata
@@ -113,10 +112,3 @@ def test_a_bad_value_ends_in_one_line(tmp_path: Path, words: tuple[object, ...],
     assert done.stderr.count("\n") == 1
     for text in told:
         assert text in done.stderr
-
-
-def test_authors_parameters_and_an_option_over_them(tmp_path: Path) -> None:
-    evaluate(tmp_path, "--runs", 1, "--parameters", "authors", "--slack-weight", 50)
-    used = json.loads((tmp_path / "summary.json").read_text())["parameters"]["controller"]
-    authors = load_parameters("authors")
-    assert (used["eps"], used["kp"], used["slack_weight"]) == (authors.eps, authors.kp, 50)

@@ -88,13 +88,6 @@ def test_check_takes_the_recorded_parameters(tmp_path: Path, write_bag: WriteBag
     assert "torques differ" in done.output
 
 
-def test_without_recorded_parameters_nothing_is_checked(tmp_path: Path, write_bag: WriteBag) -> None:
-    bag = write_bag(tmp_path / "bag", change=lambda topic, m: None if topic == "controller_settings" else m)
-    done = rabbit("check", bag)
-    assert done.exit_code == 2
-    assert "parameters are not in it" in done.output
-
-
 def test_info_counts(tmp_path: Path, write_bag: WriteBag, walk: Walk) -> None:
     bag = write_bag(tmp_path / "bag")
     found, n = contents(bag), len(walk.records)
