@@ -12,7 +12,8 @@ from typing import Any
 
 import pytest
 from chromium import Chromium, Page
-from served import RABBIT, Served
+from rabbit_command import RABBIT
+from served import Served
 
 DRAWN = "rabbit.state.pictures > 5 && rabbit.controls.state"
 SLIDERS = (  # name, share of the slider's width

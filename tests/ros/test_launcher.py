@@ -4,7 +4,6 @@ import json
 import os
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -14,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from rabbit_command import RABBIT, rabbit
 from rabbit_common.exit_codes import ExitCode
 from rabbit_msgs.srv import ResetEpisode
 from rabbit_recording.reader import messages, read_episodes
@@ -21,15 +21,9 @@ from rl_cbf_clf_controller.weights import decode, policy_path
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.training import Trainer
 
-RABBIT = (sys.executable, "-c", "from rabbit_bringup.cli import app; app()")
 QUICK = ("--no-pictures", "--no-video")
 SLOW = ("--pace", "0.5", "--stones", "200", "--ready-timeout", "180")
 SMALL = ("--stones", "1", "--no-trainer", "--no-record", "--ready-timeout", "180")
-
-
-def rabbit(*words: object, timeout: float = 300.0) -> subprocess.CompletedProcess[str]:
-    """Call the command and wait."""
-    return subprocess.run([*RABBIT, *map(str, words)], capture_output=True, text=True, timeout=timeout, check=False)
 
 
 def running(folder: Path) -> dict[str, int]:

@@ -1,18 +1,17 @@
 """A walking graph on the page and through RViz's topics, against the recording."""
 
 import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from page_client import PageClient, free_port
+from rabbit_command import RABBIT
 from rabbit_description.force_ratio import force_ratio
 from rabbit_description.state import ACTUATED
 from rabbit_recording.reader import read_episodes
 from rl_trainer.rollout import Record
 
-RABBIT = (sys.executable, "-c", "from rabbit_bringup.cli import app; app()")
 WALK = ("--no-pictures", "--no-video", "--no-trainer", "--stones", "4", "--seed", "4", "--view")
 
 

@@ -63,6 +63,8 @@ def test_each_executable_of_the_copy_starts(walking: Path) -> None:
 @pytest.mark.timeout(900)
 def test_colcon_test_runs_a_packages_tests(walking: Path) -> None:
     colcon = f"python {shutil.which('colcon')}"
-    tested = f"{colcon} test --packages-select cbf_clf_qp --pytest-args ' -k test_estimates'; {colcon} test-result --all"
+    tested = (
+        f"{colcon} test --packages-select cbf_clf_qp --pytest-args ' -k test_estimates'; {colcon} test-result --all"
+    )
     said = in_shell(f"source install/setup.bash; {tested}", walking).stdout
     assert re.search(r"Summary: [1-9]\d* tests, 0 errors, 0 failures", said), said
