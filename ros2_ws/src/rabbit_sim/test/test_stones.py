@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from pydantic import ValidationError
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.stones import CourseError, Stone, draw_course, read_course
 from rabbit_sim.terrain import Terrain
@@ -47,18 +46,14 @@ def test_course_files(tmp_path, name, text):
 @pytest.mark.parametrize(
     ("name", "text", "expected"),
     [
-        ("c.yaml", "stones: [{l_min: 0.3}]", "1 stones: expected at least 2"),
         ("c.yaml", "stones: [{l_min: 0.3}, {l_min: .nan}]", "stone 2 l_min = nan"),
         ("c.yaml", "stones: [{l_min: 0.3, width: 1}, {l_min: 0.4}]", "stone 1 width"),
-        ("c.yaml", "[1, 2", "cannot be read"),
         ("c.csv", "l_min\n0.3\nx\n", "stone 2 l_min = 'x'"),
-        ("c.csv", None, "cannot be read"),
     ],
 )
 def test_bad_course_files_are_refused_by_name(tmp_path, name, text, expected):
     path = tmp_path / name
-    if text is not None:
-        path.write_text(text)
+    path.write_text(text)
     with pytest.raises(CourseError) as error:
         read_course(path, 2, 0.05)
     assert expected in str(error.value)
@@ -108,21 +103,3 @@ def test_no_stone_beyond_the_last_and_none_on_flat_ground():
 
 
 # ---- parameters ------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("changes", "expected"),
-    [
-        ({"mass_scale": 0}, ("mass_scale", "input_value=0", "greater than or equal to 0.1")),
-        ({"ground_friction": float("nan")}, ("ground_friction", "input_value=nan", "finite")),
-        ({"ground_damping": 2e3, "plant": "rigid"}, ("ground_damping = 2000 with plant rigid", "pybullet or mujoco")),
-        ({"push": 5.0, "plant": "rigid"}, ("push = 5 with plant rigid", "pybullet or mujoco")),
-        ({"stone": 3}, ("stone", "input_value=3", "not permitted")),
-        ({"l_min_mean": 0.8, "l_min_std": 0.03}, ("l_min_mean + l_min_truncation", "at most 0.9 m")),
-    ],
-)
-def test_bad_parameters_are_refused_by_name_value_and_what_was_expected(changes, expected):
-    with pytest.raises(ValidationError) as error:
-        SimulationParameters(**changes)
-    for part in expected:
-        assert part in str(error.value)

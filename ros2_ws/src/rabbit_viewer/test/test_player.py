@@ -99,11 +99,6 @@ def test_one_falls_and_the_other_walks_on(played: Callable[..., Played]) -> None
     assert both.rows(0)["running"][:-1].all()
 
 
-def test_the_same_settings_are_the_same_fall(played: Callable[..., Played]) -> None:
-    one, two = (played(first="nominal", stones=5, seed=3).walk() for _ in range(2))
-    assert one.broadcast.known == two.broadcast.known
-
-
 def test_a_link_is_the_same_walk_with_its_settings(played: Callable[..., Played]) -> None:
     """In a second player, started with other settings, every number of every tick is the same."""
     one = played(second="oracle", stones=6).walk(30)
