@@ -239,12 +239,9 @@ def test_gains_change_in_the_middle_of_a_walk(world: Any) -> None:
 @pytest.mark.parametrize(
     ("node", "parameters", "said"),
     [
-        ("simulator", {"mass_scale": 99.0}, "mass_scale"),
         ("simulator", {"masss_scale": 2.0}, "masss_scale: simulator has no parameter"),
         ("simulator", {"gait": "nowhere"}, "gait nowhere: no such file"),
         ("controller", {"policy": "/nowhere"}, "policy /nowhere"),
-        ("controller", {"eps": math.nan}, "eps"),
-        ("trainer", {"polyak": 2.0}, "polyak"),
         ("trainer", {"failure_penalty": 0.5}, "error: failure_penalty > 0: expected learner = paper_ddpg"),
         ("recorder", {"path": "/proc/nowhere"}, "/proc/nowhere"),
     ],
