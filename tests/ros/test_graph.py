@@ -112,16 +112,6 @@ def refusals(diagnostics: list[Any]) -> dict[str, int]:
     return {v.key: int(v.value) for m in diagnostics for v in m.status[0].values if v.key.startswith("refused")}
 
 
-def log_of(world: Any, node: str) -> str:
-    """What a node has logged, at INFO or above."""
-    return str((world.folder / "log" / f"{node}.log").read_text(encoding="utf-8"))
-
-
-def told(world: Any, node: str) -> list[str]:
-    """The INFO lines in a node's log."""
-    return [line.split(": ", 1)[1] for line in log_of(world, node).splitlines() if line.startswith("[INFO]")]
-
-
 def test_wrong_messages_are_refused_counted_and_told(world: Any) -> None:
     states, episodes, diagnostics = world.hear("state"), world.hear("episode"), world.hear("diagnostics")
     world.start("simulator", answer_timeout=4.0, start_paused=False, **SHORT)
