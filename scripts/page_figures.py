@@ -13,20 +13,14 @@ from common import ROOT
 
 NUMBER = r"[-+]?(?:\d{1,3}(?:,\d{3})+|\d+)(?:\.\d+)?(?:e-?\d+)?%?"
 FIGURE = re.compile(rf"(?<![\w.-]){NUMBER}(?!\w)|(?<![\w.])#(?!\w)")
-COURSES = re.compile(r"(?<![\w.,-])[\d,]*\d\s+of\s+(?:all\s+|the\s+)?\d[\d,]*(?!\.?\d|[\w-])")  # as 211 of 400
 
 
 @dataclass(frozen=True)
 class Page:
-    """What the tables say of a page: fragments, and blocks by name; `elsewhere`: where its other counts come from.
-
-    `elsewhere` has a place for each heading of a section whose other counts of courses are in no shipped table, or for
-    words with such a count.
-    """
+    """What the tables say of a page: fragments, and blocks by name."""
 
     fragments: list[str] = field(default_factory=list)
     blocks: Mapping[str, str] = field(default_factory=dict)
-    elsewhere: Mapping[str, str] = field(default_factory=dict)
 
 
 class FigureError(ValueError):
@@ -44,20 +38,6 @@ def made(text: str, page: Page) -> str:
         start, end = _block(name, text).span(1)
         text = f"{text[:start]}\n\n{block.strip()}\n\n{text[end:]}"
     return text
-
-
-def left_out(text: str, page: Page) -> list[str]:
-    """Counts of courses that neither a table gives nor `elsewhere` explains, with some words around; FigureError."""
-    covered = [_fragment(each, text).span() for each in page.fragments]
-    covered += [_block(each, text).span(1) for each in page.blocks]
-    for words in page.elsewhere:
-        found = re.search(rf"^#+ {re.escape(words)}\n.*?(?=^#|\Z)", text, re.MULTILINE | re.DOTALL)
-        covered.append((found or _once(_words(words), words, text)).span())
-    return [
-        " ".join(text[max(0, each.start() - 60) : each.end() + 40].split())
-        for each in COURSES.finditer(text)
-        if not any(start <= each.start() and each.end() <= end for start, end in covered)
-    ]
 
 
 def _fragment(fragment: str, text: str) -> re.Match[str]:

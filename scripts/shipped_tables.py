@@ -224,11 +224,12 @@ def lost(plant: str) -> tuple[int, int, int]:
 
 
 def verdicts() -> dict[str, int]:
-    """How many of the paper's claims have each verdict, and how many of the reproduced fall with a tuned controller."""
-    claims = [row for row in read_rows(REPRODUCED / CLAIMS) if row["verdict"] != Verdict.OPEN]
-    counts = Counter(row["verdict"] for row in claims)
-    fallen = sum(row["verdict"] == Verdict.REPRODUCED and row["undone"] == "True" for row in claims)
-    return {**counts, "fallen": fallen, "claims": counts.total()}
+    """How many of the paper's claims have each verdict, and fall with a tuned controller; all claims, all runs."""
+    every = read_rows(REPRODUCED / CLAIMS)
+    counts = Counter(row["verdict"] for row in every if row["verdict"] != Verdict.OPEN)
+    fallen = sum(row["verdict"] == Verdict.REPRODUCED and row["undone"] == "True" for row in every)
+    runs = sum(int(row["runs"]) for row in read_rows(REPRODUCED / RUNS))
+    return {**counts, "fallen": fallen, "claims": counts.total(), "all": len(every), "runs": runs}
 
 
 def rides() -> tuple[list[int], str]:

@@ -1,6 +1,5 @@
 """Whatever decides a run is in the key of its result: no old one is served after a change."""
 
-import csv
 import json
 import os
 import shutil
@@ -123,19 +122,3 @@ def test_after_a_single_change_no_old_result_is_served(tmp_path: Path) -> None:
     assert found["files"] > 50
     assert {*found["own"]} >= {"gait.yaml", "course.csv", "rl-cbf-clf-qp.safetensors", "assembly.py", "late.py"}
     assert found["served"] == []
-
-
-def test_an_edited_course_is_walked_again_in_every_run(tmp_path: Path) -> None:
-    course, times = tmp_path / "course.csv", None
-    for runs, far in enumerate(("0.4", "0.41"), start=1):
-        course.write_text("l_min,l_max\n0.3,0.4\n0.3,0.4\n" + f"0.3,{far}\n")
-        if times:
-            os.utime(course, ns=(times.st_atime_ns, times.st_mtime_ns))  # as `cp -p` leaves it
-        times = course.stat()
-        words = ("evaluate", "--course", course, "--stones", 3, "--runs", runs, "--out", "o")
-        out = run(tmp_path, "-c", "from rabbit_bringup.cli import app; app()", *words)
-    assert "1 results here were made with another" in out
-    assert "course.csv: made again" in out
-    assert "2 runs made" in out
-    with (tmp_path / "o" / "runs.csv").open() as file:
-        assert [row["run"] for row in csv.DictReader(file)] == ["0", "1"]

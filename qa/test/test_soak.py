@@ -6,10 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from rabbit_campaigns.soak import LAUNCHER, judge
-from rabbit_campaigns.soak_operations import (
-    idle_policy,
-    judge_walk,
-)
+from rabbit_campaigns.soak_operations import idle_policy, judge_walk
 from rabbit_description.gait import load_gaits
 from rabbit_recording.reader import RecordedEpisode
 from rl_cbf_clf_controller.fitted_policy import fitted

@@ -99,7 +99,7 @@ def index(page: str) -> str:
     page = page.replace(' "./', f' "./{FOLDER}/')
     changes = {
         '<meta charset="utf-8">': f'<meta charset="utf-8">\n{SECURITY}',
-        '<a id="save"': '<a id="save" style="display: none"',  # needs a server that writes the file
+        f'<a id="save" href="{FOLDER}/walk.html"': '<a id="save" style="display: none"',  # needs a server
         "<main>": f"{words}<main>",
     }
     for old, new in changes.items():

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rabbit_experiments.cache import Cache, Job
+from rabbit_experiments.cache import Cache
 from rabbit_experiments.engine import run
 from rabbit_experiments.evaluation import RecordedWalk, SeededRun, Walk
 from rabbit_reproduce.controllers import CBF_CLF
@@ -28,43 +28,12 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     return seeds
 
 
-def plant(job: Walk, **changes: Any) -> Walk:
-    """The job on another plant."""
-    simulation = job.assembly.simulation.model_copy(update=changes)
-    return replace(job, assembly=replace(job.assembly, simulation=simulation))
-
-
-def tuning(job: Walk, **changes: Any) -> Walk:
-    """The job with another controller."""
-    controller = job.assembly.controller.model_copy(update=changes)
-    return replace(job, assembly=replace(job.assembly, controller=controller))
-
-
 def test_the_same_content_is_not_run_again(tmp_path: Path, counted: list[int]) -> None:
     assert run([JOB, JOB], Cache(tmp_path), 1) == 1
     first = Cache(tmp_path).get(JOB)
     assert run([replace(JOB, title="another title")], Cache(tmp_path), 1) == 0
     assert counted == [7]
     assert Cache(tmp_path).get(JOB) == first
-
-
-@pytest.mark.parametrize(
-    "other",
-    [
-        replace(JOB, seed=8),
-        RecordedWalk(JOB.assembly, JOB.seed),
-        plant(JOB, mass_scale=1.1),
-        plant(JOB, plant="rigid"),
-        tuning(JOB, eps=0.06),
-        tuning(JOB, gait="authors_035"),
-        replace(JOB, assembly=replace(JOB.assembly, policy="oracle")),
-        JudgedWalk(JOB.assembly, JOB.seed, (JOB.assembly,)),
-    ],
-)
-def test_a_changed_job_has_another_key(tmp_path: Path, other: Job) -> None:
-    cache = Cache(tmp_path)
-    assert cache.key(other) != cache.key(JOB)
-    assert cache.key(JOB) == Cache(tmp_path / "elsewhere").key(JOB)
 
 
 @pytest.mark.parametrize(

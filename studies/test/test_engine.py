@@ -1,4 +1,4 @@
-"""Runs over processes are those of one process."""
+"""Runs over processes: one that cannot be made, a signal. That two processes make the same: tests/metamorphic."""
 
 import os
 import signal
@@ -14,19 +14,6 @@ from rabbit_experiments.evaluation import Walk
 from rabbit_reproduce.controllers import CBF_CLF
 
 WANTED = [Walk(CBF_CLF.assembly(stones=1), seed) for seed in range(4)]
-TIMES = {"tick_ms_p50", "tick_ms_p99", "plant_ms_p50", "walk_seconds"}
-
-
-def figures(cache: Cache) -> list[dict[str, Any]]:
-    """All but times, in which -1 stands for NaN."""
-    rows = [cache.get(job).row.model_dump(exclude=TIMES) for job in WANTED]
-    return [{name: -1 if value != value else value for name, value in row.items()} for row in rows]
-
-
-def test_two_processes_make_the_same_runs_as_one(tmp_path: Path) -> None:
-    here, there = Cache(tmp_path / "here"), Cache(tmp_path / "there")
-    assert engine.run(WANTED, here, 1) == engine.run(WANTED, there, 2) == 4
-    assert figures(there) == figures(here)
 
 
 def test_a_job_without_a_result_leaves_the_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,34 +1,27 @@
 """Gait libraries: what lies between two gaits, how a step from one into another begins and ends, bad files."""
 
-from pathlib import Path
-from typing import Any
-
 import casadi as ca
 import numpy as np
 import pytest
 from cbf_clf_qp.functions import NumpyFunction, Values, packed
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy_steps import Steps
-from rabbit_description import DEFAULT_GAIT, LIBRARIES
-from rabbit_description.gait import Gait, GaitError, GaitLibrary, load_gait, load_gaits, shipped
-from rabbit_description.state import Array, StonePreview
-from rabbit_description.yaml_file import dump_yaml, read_mapping
+from rabbit_description import LIBRARIES
+from rabbit_description.gait import Gait, GaitLibrary, load_gaits, shipped
 from rabbit_gait_design import GaitSpecification
 from rabbit_gait_design.library import library_specifications
-from rabbit_gait_design.orbit import Orbit
 from rabbit_gait_design.pinocchio_model import PinocchioModel
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.robot_numbers import read_robot
 from rl_cbf_clf_controller.step_landing import Legs, descent, landing_at
 from rl_cbf_clf_controller.step_paths import GaitExpressions, Shape, StepPath, gait_row
-from rl_cbf_clf_controller.virtual_constraints import VirtualConstraints, gradual_line
+from rl_cbf_clf_controller.virtual_constraints import gradual_line
 
 NAME = "wide"
 LIBRARY = load_gaits(NAME)
 assert isinstance(LIBRARY, GaitLibrary)
 SHIPPED = [gait for name in shipped(LIBRARIES) for gait in load_gaits(name).gaits]  # type: ignore[union-attr]
-CONTENT: dict[str, Any] = read_mapping(LIBRARIES / f"{NAME}.yaml")
 LENGTHS = st.floats(LIBRARY.lengths[0], LIBRARY.lengths[-1])
 SLOPED = load_gaits("slopes")
 assert isinstance(SLOPED, GaitLibrary)
@@ -61,25 +54,6 @@ PATHS, SLOPED_PATHS = Paths(LIBRARY), Paths(SLOPED)
 STEPS = Steps(LIBRARY, PARAMETERS, ROBOT)
 
 
-def stone_at(length: float) -> StonePreview:
-    """One that asks for this step length."""
-    return StonePreview(1, length - 0.02, length + 0.02)
-
-
-def begun(wanted: float, q: Array, dq: Array) -> tuple[VirtualConstraints, VirtualConstraints]:
-    """Outputs of the step of `wanted` that begins there, and those of its path alone."""
-    outputs = STEPS.begin(np.concatenate([q, dq]), stone=stone_at(wanted))
-    taken = -MODEL.update(q, dq).swing[0]
-    return outputs, VirtualConstraints(PATHS(taken, wanted))
-
-
-def landed(length: float, seed: int) -> tuple[Array, Array]:
-    """A state near the post-impact state of the gait of about that length, disturbed."""
-    rng = np.random.default_rng(seed)
-    q, dq = min(LIBRARY.gaits, key=lambda gait: abs(gait.step_length - length)).x_start
-    return q + 0.03 * rng.standard_normal(7), dq * (1 + 0.1 * rng.standard_normal(7))
-
-
 @pytest.mark.parametrize("gait", LIBRARY.gaits, ids=lambda gait: gait.name)
 def test_the_library_s_own_lengths_are_its_own_gaits(gait: Gait) -> None:
     path = PATHS(gait.step_length, gait.step_length)
@@ -98,13 +72,6 @@ def test_between_two_gaits_all_is_linear(index: int, share: float) -> None:
     assert path.phase_angle_end == pytest.approx(ends, abs=1e-12)
 
 
-def test_beyond_its_ends_the_library_stays_at_them() -> None:
-    for beyond, end in ((0.05, LIBRARY.gaits[0]), (0.95, LIBRARY.gaits[-1])):
-        np.testing.assert_allclose(PATHS(beyond, beyond).coeffs, end.coeffs, rtol=0, atol=1e-14)
-    STEPS.begin(np.concatenate(landed(0.4, 0)), stone=stone_at(0.925))
-    assert STEPS.wanted == LIBRARY.lengths[-1]
-
-
 @given(taken=LENGTHS, wanted=LENGTHS)
 def test_a_step_begins_as_one_gait_and_ends_as_the_other(taken: float, wanted: float) -> None:
     """Value, slope and curvature of a Bézier curve at an end are those of the three control points there."""
@@ -116,72 +83,6 @@ def test_a_step_begins_as_one_gait_and_ends_as_the_other(taken: float, wanted: f
         ends = (np.diff(each.coeffs, order)[:, -1] for each in (path, last))
         np.testing.assert_allclose(*begins, atol=1e-12)
         np.testing.assert_allclose(*ends, atol=1e-12)
-
-
-@given(taken=LENGTHS, wanted=LENGTHS, seed=st.integers(0, 2**16), time=st.floats(0.01, 0.3))
-@settings(max_examples=50)
-def test_rates_and_accelerations_are_derivatives(taken: float, wanted: float, seed: int, time: float) -> None:
-    """Along q(t) = q + t dq + t^2/2 ddq, by central differences."""
-    q, dq = landed(taken, seed)
-    ddq = np.random.default_rng(seed + 1).standard_normal(7)
-    (outputs, _), h = begun(wanted, q, dq), 1e-5
-
-    def at(t: float) -> Any:
-        return outputs.evaluate(q + t * dq + t**2 / 2 * ddq, dq + t * ddq)
-
-    now, before, after = at(time), at(time - h), at(time + h)
-    np.testing.assert_allclose((after.y - before.y) / (2 * h), now.dy, rtol=1e-4, atol=1e-4)
-    np.testing.assert_allclose((after.dy - before.dy) / (2 * h), now.jacobian @ ddq + now.bias, rtol=1e-3, atol=2e-2)
-
-
-def test_a_library_of_one_gait_is_that_gait() -> None:
-    gait = load_gait(DEFAULT_GAIT)
-    library = GaitLibrary(name="one", start_length=gait.step_length, gaits=[gait])
-    steps, (q, dq) = Steps(library, PARAMETERS, ROBOT), gait.x_start
-    assert steps.shape.is_single
-    outputs = steps.begin(np.concatenate([q, dq]), stone=stone_at(0.525))
-    assert outputs.evaluate(q, dq).eta == pytest.approx(VirtualConstraints(gait).evaluate(q, dq).eta, abs=1e-12)
-    np.testing.assert_array_equal(library.x_start, gait.x_start)
-
-
-@pytest.mark.parametrize("gait", SHIPPED, ids=lambda gait: gait.name)
-def test_each_gait_keeps_its_specification(gait: Gait) -> None:
-    spec, figures = GaitSpecification(**gait.metadata["specification"]), Orbit(gait).figures()
-    assert figures.closure_error < 2e-4
-    assert figures.speed == pytest.approx(spec.speed, rel=1e-3)
-    assert figures.friction_used <= 1.02 * spec.friction_limit
-    assert figures.least_normal_force >= 0.97 * spec.min_normal_force
-    assert figures.peak_torque <= 1.02 * spec.torque_limit
-    assert figures.least_phase_rate < figures.start_phase_rate
-
-
-def changed(**fields: Any) -> dict[str, Any]:
-    """A library's content with other fields, from its first three gaits."""
-    return {**CONTENT, "gaits": CONTENT["gaits"][:3], "start_length": CONTENT["gaits"][0]["step_length"], **fields}
-
-
-def with_gait(index: int, **fields: Any) -> dict[str, Any]:
-    """The same with other fields of one gait."""
-    gaits = [dict(gait) for gait in CONTENT["gaits"][:3]]
-    gaits[index] |= fields
-    return changed(gaits=gaits)
-
-
-@pytest.mark.parametrize(
-    ("content", "words"),
-    [
-        (changed(gaits=CONTENT["gaits"][2::-1]), "in each increasing step lengths"),
-        (with_gait(1, bezier_coeffs=[[0.0] * 7] * 4), "gaits[1].bezier_coeffs"),
-        (with_gait(1, slope=80.0), "gaits[1].slope"),
-        (changed(colour="blue"), "colour"),
-    ],
-)
-def test_a_bad_library_is_refused(content: dict[str, Any], words: str, tmp_path: Path) -> None:
-    path = tmp_path / "bad.yaml"
-    path.write_text(dump_yaml(content), encoding="utf-8")
-    with pytest.raises(GaitError, match=r"bad\.yaml") as caught:
-        load_gaits(path)
-    assert words in str(caught.value)
 
 
 def test_specifications_follow_the_length() -> None:

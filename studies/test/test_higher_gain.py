@@ -1,9 +1,7 @@
 """What learning buys beyond a higher gain: a fair comparison, and a page that says which claims fall."""
 
-import pytest
 from rabbit_reproduce.catalogue import EXPERIMENTS
 from rabbit_reproduce.catalogue.higher_gain import ENGINES, WHO, HigherGain
-from rabbit_reproduce.controllers import AT_ITS_BEST
 from rabbit_reproduce.experiment import Experiment
 from rabbit_reproduce.table_lines import FULL
 
@@ -25,12 +23,3 @@ def test_its_courses_are_nobody_else_s() -> None:
 
     others = set[int]().union(*(seeds(each) for each in EXPERIMENTS if each.name != "higher-gain"))
     assert not seeds(HigherGain()) & others
-
-
-@pytest.mark.parametrize("terrain", ["stones", "flat"])
-def test_the_nominal_controller_at_its_best_learned_and_identifies_nothing(terrain: str) -> None:
-    assembly = AT_ITS_BEST[terrain].assembly()
-    assert assembly.policy == "zero"
-    assert assembly.controller.adaptation == "none"
-    assert not assembly.controller.learns
-    assert assembly.controller.terrain == terrain

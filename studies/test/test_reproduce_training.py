@@ -7,15 +7,7 @@ from rabbit_description.gait import load_gaits
 from rabbit_experiments.training_setup import training
 from rabbit_reproduce.catalogue.learning_curves import first_whole, sessions, settled
 from rabbit_reproduce.table_lines import FULL
-from rabbit_reproduce.training import (
-    SHIPPED,
-    Episode,
-    TrainingJob,
-    read_log,
-    recipes,
-    retrain,
-    training_job,
-)
+from rabbit_reproduce.training import SHIPPED, Episode, TrainingJob, read_log, recipes, retrain, training_job
 from rl_cbf_clf_controller.uncertainty import PAPER, RL_CLF_QP
 from rl_cbf_clf_controller.weights import policy_path, read
 from rl_trainer.checkpoint import CheckpointError

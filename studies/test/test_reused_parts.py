@@ -5,8 +5,6 @@ import shutil
 from pathlib import Path
 
 import pytest
-from rabbit_description import GAITS
-from rabbit_description.gait import load_gaits
 from rabbit_experiments.assembly import Assembly, resolve_policy
 from rabbit_experiments.evaluation import forget_parts, parts, record_walk, walk
 from rabbit_experiments.metrics import RunResult
@@ -68,15 +66,3 @@ def test_a_policy_file_of_the_same_age_is_read_again(tmp_path: Path) -> None:
     before = record_walk(made_of, 5).about
     copied(SHIPPED / "rl-cbf-clf-qp-scale-0.7.safetensors", path)
     assert record_walk(made_of, 5).about["policy"] != before["policy"]
-
-
-def test_a_gait_of_the_same_age_and_size_is_read_again(tmp_path: Path) -> None:
-    path = tmp_path / "gait.yaml"
-    first, second = sorted((GAITS / f"stones_0350_0{n}.yaml" for n in (75, 84)), key=lambda file: -file.stat().st_size)
-    shutil.copy(first, path)
-    made_of = assembly("cbf-clf-qp", plant="rigid", gait=str(path))
-    before = figures(walk(made_of, 0, 5))
-    copied(second, path)
-    assert load_gaits(path) == load_gaits(second)
-    assert figures(walk(made_of, 0, 5)) == figures(walk(assembly("cbf-clf-qp", plant="rigid", gait=str(second)), 0, 5))
-    assert figures(walk(made_of, 0, 5)) != before

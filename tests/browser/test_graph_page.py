@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 from chromium import Chromium
-from served import RABBIT, Served
+from rabbit_command import RABBIT
+from served import Served
 
 NAMESPACE = "page_test"
 WALK = ("--no-pictures", "--no-video", "--no-trainer", "--no-record", "--episodes", "50", "--pace", "1")

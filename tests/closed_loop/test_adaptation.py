@@ -4,9 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
 import pytest
-from rabbit_description.state import Array
 from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.evaluation import episode, walk
 from rabbit_sim.parameters import SimulationParameters
@@ -31,11 +29,6 @@ def ticks(parts: Assembly, *seeds: int) -> list[list[Record]]:
         episode(simulation, controller, seed, into.append)
     simulation.close()
     return records
-
-
-def torques(records: list[Record]) -> Array:
-    """(n, 4), N m."""
-    return np.array([record.output.torque for record in records])
 
 
 @pytest.mark.parametrize("mass_scale", [0.5, 3.0])
@@ -105,18 +98,3 @@ def test_a_robot_that_is_not_explained_gives_way_to_the_one_that_the_base_says()
     known = dict(zip(KNOWN, records[-1].output.identified, strict=True))
     assert known["doubt"] > 0.3
     assert known["torso_m"] + 2 * known["thigh_m"] + 2 * known["shin_m"] == pytest.approx(1.5 * 32, rel=0.01)
-
-
-def test_twice_the_mass_is_found(make_assembly: MakeAssembly) -> None:
-    parts = make_assembly("cbf-clf-qp", plant="rigid", motor_lag=0.0, mass_scale=2.0, stones=5)
-    (records,) = ticks(with_law(parts, **ADAPTIVE), 1)
-    last = records[-1].output
-    assert last.identified[[0, 4, 8]] == pytest.approx([24.0, 13.6, 6.4], rel=0.03)
-    assert (last.objective, last.adaptation) == ("pd_centred", "identification")
-
-
-def test_every_episode_begins_with_nothing_learned(make_assembly: MakeAssembly) -> None:
-    parts = with_law(make_assembly("cbf-clf-qp", mass_scale=2.0, stones=2), **ADAPTIVE)
-    _, second = ticks(parts, 1, 2)
-    (alone,) = ticks(parts, 2)
-    np.testing.assert_array_equal(torques(second), torques(alone))

@@ -3,14 +3,13 @@
 import random
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 
 import numpy as np
+from rabbit_command import RABBIT
 from rl_cbf_clf_controller.weights import Arrays, read
 
-RABBIT = (sys.executable, "-c", "from rabbit_bringup.cli import app; app()")
 TINY = ("--problem", "rl-clf-qp", "--episodes", "4", "--nominal-episodes", "1", "--walking-steps", "1", "--batch", "8")
 UPDATES = ("--updates-least", "40", "--updates-per-tick", "0")
 

@@ -5,7 +5,6 @@ from typing import Any
 import numpy as np
 import pytest
 from rabbit_description.gait import load_gait
-from rabbit_experiments.vector_environment import VectorWalkingEnv
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.robot_urdf import perturbed_urdf
 from rabbit_sim.simulation import Simulation
@@ -60,23 +59,6 @@ def test_targets_are_the_true_errors(problem: Problem, plant: str) -> None:
     error = np.linalg.norm(np.array(target) - true, axis=0) / np.linalg.norm(size, axis=0)
     limit = [0.25 if name in ("C1", "C2") else 0.1 for name in problem.quantities]
     assert (error < limit).all(), dict(zip(problem.quantities, error, strict=True))
-
-
-def test_environment_over_the_true_plant() -> None:
-    """A walk by name of a seed repeats, and no reward is positive."""
-    _, _, parameters = parts(RL_CBF_CLF_QP, "mujoco")
-    plant = SimulationParameters(plant="mujoco", mass_scale=2.0, stones=STEPS)
-    env = VectorWalkingEnv(parameters, ControllerParameters(controller="rl-cbf-clf-qp"), plant, 1)
-    walks = []
-    for _ in range(2):
-        observations, done = [env.reset(seed=3)[0]], False
-        while not done:
-            observation, reward, terminated, truncated, _ = env.step(np.zeros((1, 25), np.float32))
-            done = bool(terminated[0] or truncated[0])
-            assert reward[0] <= 0
-            observations.append(observation)
-        walks.append(np.array(observations))
-    np.testing.assert_array_equal(*walks)
 
 
 def test_beside_an_adaptation_the_target_is_what_it_leaves() -> None:

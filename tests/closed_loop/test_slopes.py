@@ -49,11 +49,6 @@ def test_best_walks_a_slope_that_its_sensors_see_as_other_heights(slope: float) 
     assert walk(stones(on_flat, terrain="flat", slope=slope, sensors="lab"), 0, SEED).row.success
 
 
-def test_the_prediction_needs_an_identified_robot() -> None:
-    with pytest.raises(ValueError, match="prediction = True: expected adaptation = identification, not none"):
-        load_parameters("best", adaptation="none")
-
-
 def settled(slope: float) -> float:
     """The slope, degrees, that steps on flat ground of such a `slope` are made for in the end, with exact estimates."""
     unadapted = {"adaptation": "none", "prediction": False, "doubt_eps": 0.0}

@@ -3,32 +3,13 @@
 from typing import Any
 
 import numpy as np
-import pytest
-from rabbit_common.ros.conversions import encoder_message, encoders_of, header, imu_message, imu_of
-from rabbit_description.state import BodySensors, orientation_of
 from rabbit_msgs.msg import Episode
-from rclpy.serialization import deserialize_message, serialize_message
-from sensor_msgs.msg import Imu, JointState
 
 PLANT = {"motor_lag": 0.004, "stones": 3, "sensors": "lab", "gait": "paper_stones"}
 PARAMETERS = {
     **{"controller": "rl-cbf-clf-qp", "adaptation": "identification", "objective": "pd_centred"},
     **{"gait": "paper_stones", "stone_margin": 0.01},
 }
-
-
-@pytest.mark.parametrize("force", [np.array([0.1, -9.7]), np.full(2, np.nan)])
-def test_what_the_sensors_say_arrives_with_the_same_bits(force: np.ndarray) -> None:
-    rng = np.random.default_rng(1)
-    for attitude in rng.uniform(-1.5, 1.5, 100):
-        said = BodySensors(rng.normal(size=4), rng.normal(size=4), orientation_of(attitude), rng.normal(), force)
-        assert said.attitude == pytest.approx(attitude, abs=1e-15)
-        joints = deserialize_message(serialize_message(encoder_message(said, header(7))), JointState)
-        imu = deserialize_message(serialize_message(imu_message(said, header(7), (1e-5, 2e-5, 0.01))), Imu)
-        assert (imu.linear_acceleration_covariance[0] == -1) == np.isnan(force).any()  # as the message says: not known
-        heard = BodySensors(*encoders_of(joints), *imu_of(imu))
-        for name in ("joint_angles", "joint_rates", "attitude", "pitch_rate", "specific_force"):
-            np.testing.assert_array_equal(getattr(heard, name), getattr(said, name))
 
 
 def begin(world: Any, **simulator: Any) -> tuple[list[Any], list[Any]]:
@@ -59,16 +40,3 @@ def test_an_estimator_that_comes_in_the_middle_says_so_and_the_next_episode_walk
     assert f"the estimator came in at tick {first.tick}, in the middle of the episode" in said
     (unknown,) = {m.tick for m in states if m.episode == 1 and np.isnan(m.q).all()}
     assert unknown == first.tick
-
-
-def test_a_simulator_that_is_started_again_walks_on(world: Any) -> None:
-    states, episodes = begin(world, pace=1.0)
-    world.wait(lambda: bool(states) and states[-1].tick > 20)
-    world.processes.kill(("simulator",))
-    world.spin(0.3)
-    heard = len(states)
-    world.start("simulator", **PLANT)
-    world.go()
-    world.wait(lambda: bool(ended(episodes, 1)))
-    assert ended(episodes, 1)[0].outcome == "walked"
-    assert (states[heard].episode, states[heard].tick) == (1, 0)

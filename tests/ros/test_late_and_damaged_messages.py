@@ -18,11 +18,7 @@ from rabbit_common.ros.conversions import encoder_message, header, imu_message, 
 from rabbit_common.ros.qos import TICK
 from rabbit_description.gait import load_gait
 from rabbit_estimator.ros.node import EstimatorNode
-from rabbit_msgs.msg import (
-    Episode,
-    RobotState,
-    TorqueCommand,
-)
+from rabbit_msgs.msg import Episode, RobotState, TorqueCommand
 from rabbit_recording.ros.recorder import SENT, RecorderNode
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Simulation

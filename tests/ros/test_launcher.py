@@ -4,7 +4,6 @@ import json
 import os
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -14,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from rabbit_command import RABBIT, rabbit
 from rabbit_common.exit_codes import ExitCode
 from rabbit_msgs.srv import ResetEpisode
 from rabbit_recording.reader import messages, read_episodes
@@ -21,15 +21,9 @@ from rl_cbf_clf_controller.weights import decode, policy_path
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.training import Trainer
 
-RABBIT = (sys.executable, "-c", "from rabbit_bringup.cli import app; app()")
 QUICK = ("--no-pictures", "--no-video")
 SLOW = ("--pace", "0.5", "--stones", "200", "--ready-timeout", "180")
 SMALL = ("--stones", "1", "--no-trainer", "--no-record", "--ready-timeout", "180")
-
-
-def rabbit(*words: object, timeout: float = 300.0) -> subprocess.CompletedProcess[str]:
-    """Call the command and wait."""
-    return subprocess.run([*RABBIT, *map(str, words)], capture_output=True, text=True, timeout=timeout, check=False)
 
 
 def running(folder: Path) -> dict[str, int]:
@@ -182,25 +176,6 @@ def test_an_episode_that_an_operator_asks_for_is_walked_to_its_end(tmp_path: Pat
     assert "reset (by service)" in lines[0]
     assert "seed 7: walked, 3 of 3 stones" in lines[1]
     assert process.returncode == ExitCode.WALKED
-
-
-def test_an_episode_that_the_graph_broke_is_no_fall(tmp_path: Path) -> None:
-    """A controller that stands still answers nothing."""
-    folder = tmp_path / "walk"
-    words = ("--out", folder, "--stones", 150, "--pace", 1, "--no-trainer", *QUICK)
-    process = subprocess.Popen([*RABBIT, "walk", *map(str, words)], stdout=subprocess.PIPE, text=True)
-    wait_for(lambda: is_under_way(folder))
-    controller = running(folder)["controller"]
-    os.kill(controller, signal.SIGSTOP)
-    wait_for(lambda: "simulator" not in running(folder))  # all were told to end
-    os.kill(controller, signal.SIGCONT)
-    out, _ = process.communicate(timeout=300)
-    assert process.returncode == ExitCode.FAULT
-    assert "silent (no torque" in out
-    assert "of 150 stones" in out
-    assert out.splitlines()[-1] == "fault: 0 of 1 episodes walked"
-    assert json.loads((folder / "summary.json").read_text())["exit_code"] == ExitCode.FAULT
-    assert not running(folder)
 
 
 def test_a_second_walk_in_one_namespace_is_refused(walking: subprocess.Popen[str], tmp_path: Path) -> None:

@@ -66,15 +66,6 @@ def test_nodes_equal_the_walk_without_ros(tmp_path: Path, stones: int) -> None:
     assert ended.touchdowns == len([landing for landing in simulation.landings if landing.on_stone])
 
 
-def test_noise_of_the_controller_follows_the_seed(tmp_path: Path) -> None:
-    plant = SimulationParameters(stones=2, motor_lag=0.004, encoder_resolution=1e-4, velocity_noise=0.01)
-    parameters = ControllerParameters(sigma=3.0)
-    walk_through_nodes(tmp_path, plant, parameters)
-    inside, _ = walk_in_process(plant, parameters, SEED)
-    assert any(record.output.omega.any() for record in inside)
-    assert_same(read_episodes(tmp_path / "recording")[1].records, inside)
-
-
 def test_adaptation_through_nodes_is_the_one_in_process(tmp_path: Path) -> None:
     """Two episodes: what is learned comes from the messages alone, and is forgotten between them."""
     plant = SimulationParameters(stones=3, motor_lag=0.004, mass_scale=2.5, velocity_noise=0.01)

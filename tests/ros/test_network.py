@@ -79,7 +79,7 @@ def addresses(names: list[str], told: dict[str, str], onlooker: Node, folder: Pa
         for process in running:
             process.send_signal(signal.SIGTERM)
         for process in running:
-            process.wait(PATIENCE)
+            assert process.wait(PATIENCE) == 0
 
 
 def test_by_default_nothing_is_bound_beyond_loopback(onlooker: Node, tmp_path: Path) -> None:

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from geometry_msgs.msg import Quaternion
 from page_client import PageClient, free_port
+from rabbit_command import RABBIT, rabbit
 from rabbit_common.exit_codes import ExitCode
 from rabbit_recording.contents import contents
 from rabbit_recording.reader import read_episodes
@@ -25,14 +26,7 @@ from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
-RABBIT = (sys.executable, "-c", "from rabbit_bringup.cli import app; app()")
 WALK = ("--terrain", "flat", "--stones", "3", "--ready-timeout", "180")
-
-
-def rabbit(*words: object, **environment: str) -> subprocess.CompletedProcess[str]:
-    """Call the command and wait."""
-    known = {**os.environ, **environment}
-    return subprocess.run([*RABBIT, *map(str, words)], capture_output=True, text=True, timeout=400, env=known)
 
 
 @contextmanager

@@ -37,18 +37,11 @@ def near_shipped(number: int) -> PolicyFile:
 
 
 def policy(
-    number: int,
-    bias: float = 0.0,
-    problem: Problem = RL_CBF_CLF_QP,
-    hidden: tuple[int, int] = SMALL,
+    number: int, bias: float = 0.0, problem: Problem = RL_CBF_CLF_QP, hidden: tuple[int, int] = SMALL
 ) -> PolicyFile:
     """A policy whose outputs are all tanh(bias), whatever it sees; another one for each number."""
     metadata = policy_metadata(
-        problem,
-        hidden=hidden,
-        structured=False,
-        alpha_scale=(0.1,) * len(problem.quantities),
-        training_seed=number,
+        problem, hidden=hidden, structured=False, alpha_scale=(0.1,) * len(problem.quantities), training_seed=number
     )
     sizes = (len(problem.observation), *hidden, metadata.outputs)
     arrays: dict[str, NDArray[np.float32]] = {}

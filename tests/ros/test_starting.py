@@ -39,9 +39,7 @@ def test_a_node_refuses_a_wrong_argument_in_one_line(words: tuple[str, ...], sai
 
 
 @pytest.mark.parametrize(
-    "words",
-    [RECORDER, ("view",), ("walk", "--out"), ("policy", "load", "rl-cbf-clf-qp")],
-    ids=lambda words: words[0],
+    "words", [RECORDER, ("view",), ("walk", "--out"), ("policy", "load", "rl-cbf-clf-qp")], ids=lambda words: words[0]
 )
 def test_a_domain_that_is_none_is_refused_by_all(words: tuple[str, ...], tmp_path: Path) -> None:
     if words[-1] == "--out":

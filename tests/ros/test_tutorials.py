@@ -12,7 +12,7 @@ WALK = "--stones 3 --no-video --no-pictures"
 ALONE = "--no-trainer --no-record"
 COURSES = "--runs 1 --stones 2"
 ELSEWHERE = {  # in tests of their own
-    *("docs/tutorials/own_barrier.md", "ros2_ws/src/cbf_clf_qp/README.md", "docs/operations.md"),
+    *("docs/tutorials/own_barrier.md", "ros2_ws/src/cbf_clf_qp/README.md", "docs/operations.md")
 }
 SHORTER = {
     "studies/docs/benchmark.md": {"rabbit benchmark": "--cells flat/scale-1 --courses 1"},

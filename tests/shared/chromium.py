@@ -5,7 +5,6 @@ with Chromium() as chromium:
     page.wait("window.rabbit.state.pictures > 3")
 """
 
-import base64
 import itertools
 import json
 import shutil
@@ -159,16 +158,6 @@ class Page:
         """An option of a list, as a person's choice."""
         set_value = f"s.value = {json.dumps(value)}; s.dispatchEvent(new Event('change'))"
         self.look(f"(s => {{ {set_value} }})({element(selector)})")
-
-    def press(self, key: str) -> None:
-        """A key."""
-        text = key if len(key) == 1 else ""
-        self.call("Input.dispatchKeyEvent", type="keyDown", key=key, text=text)
-        self.call("Input.dispatchKeyEvent", type="keyUp", key=key)
-
-    def screenshot(self, path: Path) -> None:
-        """Of the window, PNG."""
-        path.write_bytes(base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"]))
 
     def _middle(self, selector: str) -> tuple[float, float]:
         box = self._box(selector)

@@ -34,7 +34,7 @@ from rabbit_sim.stones import CourseError, read_course
 from rabbit_viewer.page.broadcast import Broadcast
 from rabbit_viewer.page.recording import fill
 from rabbit_viewer.walk_pictures import records_of
-from recorded_walk import TICK_NS, TOPICS, TYPES, Walk, told
+from recorded_walk import TICK_NS, Walk, in_sqlite3, told, write
 from rl_cbf_clf_controller import weights
 from rl_cbf_clf_controller.parameters import CONFIG, ParameterError, load_parameters
 from rl_cbf_clf_controller.uncertainty import RL_CLF_QP
@@ -43,7 +43,6 @@ from rl_trainer.learning_thread import LearningThread
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.training import Trainer
 from rl_trainer.transitions import Doubt, Transition
-from rosbags.rosbag2 import StoragePlugin, Writer
 from safetensors.numpy import load, save
 from untrained_policy import policy_file, policy_metadata
 
@@ -79,7 +78,7 @@ def entrances(walk: Walk) -> dict[str, Entrance]:
     report = gzip.compress(json.dumps({"commit": "a", "episodes": [{"kept": 3}]}).encode())
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        mcap, sqlite3 = (recorded(folder / each, walk, StoragePlugin[each]) for each in ("MCAP", "SQLITE3"))
+        mcap, sqlite3 = recorded(folder, walk)
         about = about_walk(walk.parameters, SimulationParameters(stones=2), "zero", 1, "walked")
         save_records(WalkRecords.from_ticks(walk.records, walk.landings, about), folder / "records.npz")
         records = (folder / "records.npz").read_bytes()
@@ -181,15 +180,11 @@ def kept_files() -> tuple[bytes, bytes]:
         return (Path(folder) / CHECKPOINT).read_bytes(), journal
 
 
-def recorded(folder: Path, walk: Walk, storage: StoragePlugin) -> bytes:
-    """The walk's recording as one file."""
-    with Writer(folder, version=9, storage_plugin=storage) as writer:
-        topics = {t: writer.add_connection(f"/{t}", f"rabbit_msgs/msg/{k}", typestore=TYPES) for t, k in TOPICS.items()}
-        for topic, tick, message in told(walk):
-            data = bytes(TYPES.serialize_cdr(message, f"rabbit_msgs/msg/{TOPICS[topic]}"))
-            writer.write(topics[topic], tick * TICK_NS, data)
-    (file,) = (each for each in folder.iterdir() if each.suffix in (".mcap", ".db3"))
-    return file.read_bytes()
+def recorded(folder: Path, walk: Walk) -> tuple[bytes, bytes]:
+    """The walk's recording as one file of MCAP, and of SQLite."""
+    mcap = write(folder / "bag", ((topic, tick * TICK_NS, message) for topic, tick, message in told(walk)))
+    (database,) = in_sqlite3(mcap, folder / "database").glob("*.db3")
+    return (mcap / "bag.mcap").read_bytes(), database.read_bytes()
 
 
 # Checksums of changed content: without them a change would never be read. What is beyond repair stays as it is.

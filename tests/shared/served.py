@@ -3,9 +3,8 @@
 import re
 import signal
 import subprocess
-import sys
 
-RABBIT = (sys.executable, "-c", "from rabbit_bringup.cli import app; app()")
+from rabbit_command import RABBIT
 
 
 class Served:

@@ -6,20 +6,11 @@ import subprocess
 from pathlib import Path
 from typing import Any
 
-import pytest
 import yaml
 from rabbit_bringup.launching.processes import PATIENCE
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "docker"
-DOCKERFILES = sorted(FOLDER.glob("*.Dockerfile"))
-
-
-def last_stage(path: Path) -> list[list[str]]:
-    """Instructions of the stage that becomes the image, as words."""
-    joined = path.read_text(encoding="utf-8").replace("\\\n", " ")
-    lines = [line.split(maxsplit=1) for line in joined.splitlines() if line.strip() and not line.startswith("#")]
-    return lines[max(i for i, (word, *_) in enumerate(lines) if word == "FROM") :]
 
 
 def services() -> dict[str, dict[str, Any]]:
@@ -27,17 +18,6 @@ def services() -> dict[str, dict[str, Any]]:
     text = re.sub(r"\$\{\w+:-([^}]*)\}", r"\1", (FOLDER / "compose.yaml").read_text(encoding="utf-8"))
     assert "${" not in text
     return dict(yaml.safe_load(text)["services"])
-
-
-@pytest.mark.parametrize("path", DOCKERFILES, ids=lambda path: path.name)
-def test_images_run_as_a_user_of_their_own(path: Path) -> None:
-    stage = last_stage(path)
-    (user,) = (rest for word, rest in stage if word == "USER")
-    assert user not in ("root", "0")
-    made = next(i for i, (word, rest) in enumerate(stage) if word == "RUN" and re.search(rf"useradd .*{user}\b", rest))
-    after = [word for word, _ in stage[stage.index(["USER", user]) :]]
-    assert made < stage.index(["USER", user])
-    assert not {"RUN", "COPY", "ADD"} & set(after)  # nothing that the user could change later
 
 
 def test_services_are_reached_from_this_machine_alone_and_have_no_privileges() -> None:

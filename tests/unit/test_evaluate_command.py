@@ -5,11 +5,9 @@ import json
 from pathlib import Path
 
 import numpy as np
-import pytest
-from rabbit_bringup.cli import app
-from rl_cbf_clf_controller.parameters import load_parameters
+from rabbit_command import invoke
 from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP
-from typer.testing import CliRunner, Result
+from typer.testing import Result
 from untrained_policy import policy_file, policy_metadata
 
 KEYS = (
@@ -20,14 +18,9 @@ KEYS = (
 )
 
 
-def rabbit(*words: object) -> Result:
-    """Call the command in this process."""
-    return CliRunner().invoke(app, [str(word) for word in words])
-
-
 def evaluate(out: Path, *words: object) -> Result:
     """Short runs in this process."""
-    return rabbit("evaluate", "--out", out, "--jobs", 1, "--stones", 1, *words)
+    return invoke("evaluate", "--out", out, "--jobs", 1, "--stones", 1, *words)
 
 
 def zero_policy_file(path: Path) -> Path:
@@ -90,29 +83,3 @@ def test_a_policy_file_of_zeros_is_the_nominal_controller(tmp_path: Path) -> Non
     learned, nominal = (rows(tmp_path / name)[0] for name in ("zeros", "nominal"))
     assert learned["max_clf"] == nominal["max_clf"]
     assert learned["ticks"] == nominal["ticks"]
-
-
-@pytest.mark.parametrize(
-    ("words", "told"),
-    [
-        (("--runs", "ten"), ("--runs ten", "integer")),
-        (("--mass-scale", 50), ("--mass-scale 50", "10")),
-        (("--controller", "pid"), ("--controller pid", "expected one of cbf-clf-qp, clf-qp,")),
-        (("--policy", "nobody"), ("--policy nobody", "zero, oracle")),
-        (("--parameters", "nowhere.yaml"), ("nowhere.yaml",)),
-        (("--stone-placement", "here"), ("--stone-placement here", "expected one of relative, absolute")),
-    ],
-)
-def test_a_bad_value_ends_in_one_line(tmp_path: Path, words: tuple[object, ...], told: tuple[str, ...]) -> None:
-    done = evaluate(tmp_path, *words)
-    assert done.exit_code == 2
-    assert done.stderr.count("\n") == 1
-    for text in told:
-        assert text in done.stderr
-
-
-def test_authors_parameters_and_an_option_over_them(tmp_path: Path) -> None:
-    evaluate(tmp_path, "--runs", 1, "--parameters", "authors", "--slack-weight", 50)
-    used = json.loads((tmp_path / "summary.json").read_text())["parameters"]["controller"]
-    authors = load_parameters("authors")
-    assert (used["eps"], used["kp"], used["slack_weight"]) == (authors.eps, authors.kp, 50)

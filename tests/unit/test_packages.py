@@ -1,6 +1,5 @@
 """What packages declare, and that each installs and imports without ROS. Who may import whom: import-linter."""
 
-import ast
 import os
 import re
 import shutil
@@ -8,7 +7,6 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Callable
-from configparser import ConfigParser
 from functools import cache
 from importlib.metadata import PathDistribution
 from pathlib import Path
@@ -35,23 +33,6 @@ for module in pkgutil.walk_packages(root.__path__, f"{package}."):
         importlib.import_module(module.name)
 print(root.__file__, *sys.modules)
 """
-
-
-def modules(package: str) -> list[Path]:
-    """The package's Python files."""
-    return sorted((SOURCES / package / package).rglob("*.py"))
-
-
-@cache
-def imports(path: Path) -> frozenset[str]:
-    """All dotted names that a file imports, wherever in it."""
-    found: set[str] = set()
-    for statement in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(statement, ast.Import):
-            found |= {alias.name for alias in statement.names}
-        elif isinstance(statement, ast.ImportFrom) and statement.module:
-            found |= {statement.module, *(f"{statement.module}.{alias.name}" for alias in statement.names)}
-    return frozenset(found)
 
 
 def rosdep_keys(package: str) -> set[str]:
@@ -85,14 +66,6 @@ def installed(checkout: Path, tmp_path_factory: pytest.TempPathFactory) -> Calla
         return target
 
     return install
-
-
-@pytest.mark.parametrize("package", PACKAGES)
-def test_package_xml_and_setup_cfg_say_the_same(package: str) -> None:
-    xml, cfg = ElementTree.parse(SOURCES / package / "package.xml"), ConfigParser()
-    cfg.read(SOURCES / package / "setup.cfg")
-    for name in ("name", "version", "description", "license"):
-        assert cfg["metadata"][name] == xml.findtext(name)
 
 
 def requirements(target: Path) -> set[str]:

@@ -10,7 +10,11 @@ from rabbit_benchmark.table import Table
 from rabbit_experiments.summary import wilson
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGES = ("README.md", "docs/results.md", "studies/docs/structure.md", "studies/docs/tuning.md")
+PAGES = (
+    "README.md",
+    "docs/results.md",
+    *(f"studies/docs/{each}.md" for each in ("results_paper", "structure", "tuning")),
+)
 DATA = ROOT / "studies" / "docs" / "data"
 TABLES = sorted(path for path in DATA.glob("*.csv") if path.stem != "mass_courses")  # which has no counts beside
 

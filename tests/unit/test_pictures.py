@@ -10,7 +10,6 @@ from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.evaluation import record_walk
 from rabbit_experiments.walk_records import ARRAYS, RECORDS, WalkRecords, load_records, save_records
 from rabbit_sim.parameters import SimulationParameters
-from rabbit_viewer.geometry import feet, stone_spans
 from rabbit_viewer.pictures import swing_foot
 from rabbit_viewer.scene import Scene
 from rabbit_viewer.walk_pictures import draw_pictures
@@ -35,15 +34,6 @@ def test_swing_foot_lands_where_the_simulator_says(walk: WalkRecords) -> None:
     length, height = swing_foot(walk)[before_landing]
     assert length == pytest.approx(walk.landings[0, 2], abs=0.02)  # one tick before, some cm/s
     assert height == pytest.approx(0, abs=0.02)
-
-
-def test_stones_lie_where_the_feet_found_them(walk: WalkRecords) -> None:
-    spans = stone_spans(walk, feet(walk.q))
-    assert len(spans) == 3  # the platform and two stones
-    row = walk.step_starts[1]
-    near, far, top = spans[1]
-    assert top == 0
-    assert near < feet(walk.q)[row, walk.stance[row], 0] < far
 
 
 def test_records_come_back_as_they_were(walk: WalkRecords, tmp_path: Path) -> None:

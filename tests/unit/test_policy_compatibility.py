@@ -13,12 +13,7 @@ from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import STONE_WIDTH, ActorPolicy
 from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.uncertainty import IO_RL_CLF_QP, RL_CBF_CLF_QP, RL_CLF_QP
-from rl_cbf_clf_controller.weights import (
-    PolicyFile,
-    PolicyFileError,
-    policy_path,
-    read,
-)
+from rl_cbf_clf_controller.weights import PolicyFile, PolicyFileError, policy_path, read
 from rl_trainer.rollout import rollout
 from untrained_policy import policy_file, policy_metadata
 
@@ -58,11 +53,7 @@ def test_on_flat_ground_a_policy_for_stones_sees_the_stone_under_the_gaits_own_s
     [
         (lambda: make_file(RL_CLF_QP), STONES, "trained for rl-clf-qp; this controller needs rl-cbf-clf-qp"),
         (lambda: make_file(IO_RL_CLF_QP), FLAT, "trained for io-rl-clf-qp; this controller needs rl-clf-qp"),
-        (
-            lambda: make_file(RL_CBF_CLF_QP),
-            STONES,
-            "reads step_length: expected a gait library, gait is stones",
-        ),
+        (lambda: make_file(RL_CBF_CLF_QP), STONES, "reads step_length: expected a gait library, gait is stones"),
         (
             lambda: make_file(RL_CBF_CLF_QP, 0, "identification"),
             FLAT,

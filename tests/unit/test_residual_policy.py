@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from rabbit_description.gait import load_gaits
-from rabbit_description.state import JOINTS, Array
+from rabbit_description.state import Array
 from rabbit_experiments.assembly import make_simulation
 from rabbit_sim.batch_simulation import BatchSimulation
 from rabbit_sim.parameters import SimulationParameters
@@ -15,14 +15,12 @@ from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_cbf_clf_controller.residual_policy import READS, SCALE, ResidualActor, ResidualPolicy
 from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP
 from rl_cbf_clf_controller.weights import (
-    PROBE,
     RESIDUAL_READS,
     PolicyFile,
     PolicyFileError,
-    PolicyMetadata,
     decode,
-    probe_outputs,
 )
+from untrained_policy import policy_file, policy_metadata
 
 HIDDEN = 8
 
@@ -36,33 +34,16 @@ def plant(terrain: str = "stones", **values) -> SimulationParameters:
     return SimulationParameters(plant="mujoco", motor_lag=0.004, terrain=terrain, stones=3, **values)
 
 
-def residual_file(scale: float = 0.3) -> PolicyFile:
-    rng, sizes = np.random.default_rng(5), (READS, HIDDEN, HIDDEN, JOINTS)
-    arrays = {}
-    for layer in range(3):
-        shape = sizes[layer + 1], sizes[layer]
-        arrays[f"{layer}.weight"] = (scale * rng.standard_normal(shape)).astype(np.float32)
-        arrays[f"{layer}.bias"] = np.zeros(sizes[layer + 1], dtype=np.float32)
-    about = PolicyMetadata(
-        problem=RL_CBF_CLF_QP.name,
-        observation=RESIDUAL_READS,
-        observation_center=(0.0,) * READS,
-        observation_scale=(1.0,) * READS,
-        hidden=(HIDDEN, HIDDEN),
-        structured=False,
-        alpha_scale=(),
-        beta_scale=(),
-        residual=True,
-        adaptation="identification",
-        learner="none",
-        plant={},
-        training_seed=0,
-        episodes=0,
-        transitions=0,
-        commit="",
-        command="",
-    )
-    return PolicyFile(about, {**arrays, PROBE: probe_outputs(arrays)})
+def residual_file() -> PolicyFile:
+    own = {"observation": RESIDUAL_READS, "hidden": (HIDDEN, HIDDEN), "structured": False, "residual": True}
+    own |= {
+        "observation_center": (0.0,) * READS,
+        "observation_scale": (1.0,) * READS,
+        "alpha_scale": (),
+        "beta_scale": (),
+    }
+    about, rng = policy_metadata(RL_CBF_CLF_QP, **own, adaptation="identification"), np.random.default_rng(5)
+    return policy_file(about, lambda shape: 0.3 * rng.standard_normal(shape) * (len(shape) > 1))  # no biases
 
 
 class Constant(ResidualPolicy):

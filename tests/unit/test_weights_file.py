@@ -7,13 +7,8 @@ import pytest
 from rl_cbf_clf_controller.controller_output import flat
 from rl_cbf_clf_controller.policy import ActorPolicy, estimate_function
 from rl_cbf_clf_controller.problem import Problem
-from rl_cbf_clf_controller.uncertainty import PAPER, RL_CBF_CLF_QP, RL_CLF_QP, STEP_LENGTH
-from rl_cbf_clf_controller.weights import (
-    PROBE,
-    PolicyFile,
-    PolicyFileError,
-    decode,
-)
+from rl_cbf_clf_controller.uncertainty import PAPER, RL_CBF_CLF_QP, RL_CLF_QP
+from rl_cbf_clf_controller.weights import PROBE, PolicyFile, PolicyFileError, decode
 from untrained_policy import policy_file, policy_metadata
 
 
@@ -61,8 +56,7 @@ def test_outputs_that_differ_from_those_stored_are_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    "changes",
-    [{"observation": ("y1",)}, {"observation_center": (0.0,) * 14}, {"hidden": (0, 6)}, {"something": 1}],
+    "changes", [{"observation": ("y1",)}, {"observation_center": (0.0,) * 14}, {"hidden": (0, 6)}, {"something": 1}]
 )
 def test_metadata_that_does_not_fit(changes: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match=next(iter(changes))):
@@ -103,12 +97,3 @@ def test_a_network_without_l_min_reads_the_first_fourteen() -> None:
     with_stone = policy.act(np.append(np.linspace(-1, 1, 14), 0.35), LgV)
     without = policy.act(np.linspace(-1, 1, 14), LgV)
     np.testing.assert_array_equal(flat(with_stone), flat(without))
-
-
-def test_a_network_that_reads_the_step_length_needs_a_library() -> None:
-    observation = (*RL_CBF_CLF_QP.observation, STEP_LENGTH)
-    units = {"observation": observation, "observation_center": (0.1,) * 16, "observation_scale": (2.0,) * 16}
-    policy = ActorPolicy(make_file(**units))
-    assert policy.act(np.linspace(-1, 1, 16), np.ones(4)).alpha.shape == (5, 4)
-    with pytest.raises(ValueError, match="reads step_length: expected a gait library"):
-        policy.act(np.linspace(-1, 1, 15), np.ones(4))

@@ -6,13 +6,7 @@ from typing import Any
 
 import pytest
 from rabbit_campaigns.ros.operator import Operator
-from rabbit_campaigns.soak_operations import (
-    KINDS,
-    LATCHED,
-    Operation,
-    Operations,
-    unfit_policy,
-)
+from rabbit_campaigns.soak_operations import KINDS, LATCHED, Operation, Operations, unfit_policy
 from rabbit_experiments.tables import read_rows
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.weights import policy_path

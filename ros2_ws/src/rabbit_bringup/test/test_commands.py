@@ -4,7 +4,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from importlib.metadata import EntryPoint, version
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
@@ -12,10 +12,6 @@ from rabbit_bringup.cli import GROUP, app, commands
 from rabbit_common.exit_codes import Interrupted
 from typer.testing import CliRunner
 
-SOURCES = Path(__file__).resolve().parents[2]
-STUDIES = SOURCES.parents[1] / "studies"
-PLACES = [place for place in (*SOURCES.iterdir(), STUDIES, SOURCES.parents[1] / "qa") if place.is_dir()]
-OURS = {path.name for place in PLACES for path in place.iterdir()}  # packages whose sources are here
 DISTRIBUTION = "Metadata-Version: 2.1\nName: stranger\nVersion: 1\n"
 COMMAND = '''"""Dance: a stranger's command."""
 
@@ -46,11 +42,6 @@ def stranger(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callab
 
     yield bring
     commands.cache_clear()
-
-
-def here() -> dict[str, EntryPoint]:
-    """The commands of these packages."""
-    return {name: each for name, each in commands().items() if each.module.split(".")[0] in OURS}
 
 
 def test_a_strangers_command_is_listed_last_and_runs(stranger: Callable[[str], None]) -> None:

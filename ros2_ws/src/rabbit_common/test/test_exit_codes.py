@@ -1,9 +1,7 @@
 """The exit codes of a walk: which counts of several."""
 
-import signal
-
 import pytest
-from rabbit_common.exit_codes import ExitCode, of_signal, of_walk
+from rabbit_common.exit_codes import ExitCode, of_walk
 
 
 @pytest.mark.parametrize(
@@ -20,7 +18,3 @@ from rabbit_common.exit_codes import ExitCode, of_signal, of_walk
 )
 def test_the_worst_episode_counts(outcomes: list[str], code: ExitCode) -> None:
     assert of_walk(outcomes) is code
-
-
-def test_a_signal_has_the_shells_code() -> None:
-    assert [of_signal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)] == [130, 143, 129]

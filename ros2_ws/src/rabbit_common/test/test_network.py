@@ -1,7 +1,6 @@
 """Who can hear a process's nodes, by what the environment says."""
 
 import os
-from xml.etree import ElementTree
 
 import pytest
 from rabbit_common.ros.network import (
@@ -19,7 +18,6 @@ from rabbit_common.ros.network import (
 
 NAMES = (RANGE, PEERS, PROFILE, WHOLE, MIDDLEWARE)
 ALONE, NETWORK = str(PROFILES / "fastdds.xml"), str(PROFILES / "fastdds_network.xml")
-SCHEMA = "{http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles}"
 
 
 @pytest.mark.parametrize(
@@ -47,13 +45,6 @@ def test_the_environment_decides(
         assert {name: os.environ[name] for name in NAMES if name in os.environ} == chosen
     for name in NAMES:
         os.environ.pop(name, None)  # what was not there before, monkeypatch would leave
-
-
-def test_the_default_profile_names_no_address_but_loopback() -> None:
-    tree = ElementTree.parse(ALONE)
-    assert {element.text for element in tree.iter(f"{SCHEMA}address")} == {"127.0.0.1"}
-    (builtin,) = (element.text for element in tree.iter(f"{SCHEMA}useBuiltinTransports"))
-    assert builtin == "false"
 
 
 @pytest.mark.parametrize("value", ["abc", "-1", "233", "1.5", "0x10", "٣"])

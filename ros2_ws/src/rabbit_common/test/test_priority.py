@@ -9,7 +9,6 @@ from rabbit_common.priority import (
     NICE,
     leave_priority,
     scheduling,
-    step_back,
     take_listeners_priority,
     take_priority,
 )
@@ -22,15 +21,6 @@ def test_priority_is_taken_where_permitted() -> None:
     finally:
         leave_priority()
     assert scheduling() == "ordinary"
-
-
-@pytest.mark.parametrize(("priority", "own"), [(7, "SCHED_FIFO 6"), (1, "SCHED_FIFO 1"), (0, "ordinary")])
-def test_who_steps_back_is_just_beneath(priority: int, own: str) -> None:
-    take_priority(priority, pytest.skip)
-    step_back()
-    found = scheduling()
-    leave_priority()
-    assert found == own
 
 
 @pytest.mark.parametrize(

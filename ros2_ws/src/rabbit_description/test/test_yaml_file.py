@@ -30,12 +30,6 @@ DISPUTED = ("0200", "08", "0o17", "0x10", "0b1", "1_000", "3:20", "1:30.5", "922
 DISPUTED += ("yes", "No", "on", "OFF", "y", "N", "inf", "-Infinity", "nan", "2001-01-01", "=", "<<")
 
 
-@pytest.mark.parametrize("text", ALIKE)
-def test_what_all_readers_read_alike_is_taken(text: str) -> None:
-    found = parse_yaml(f"a: {text}")["a"]
-    assert (found, type(found)) == (ALIKE[text], type(ALIKE[text]))
-
-
 @pytest.mark.parametrize("text", DISPUTED)
 def test_what_readers_read_differently_is_refused_with_line_key_and_value(text: str) -> None:
     with pytest.raises(FileError) as refused:

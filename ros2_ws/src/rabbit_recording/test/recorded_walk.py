@@ -2,7 +2,7 @@
 
 import math
 from array import array
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, dataclass
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -89,18 +89,24 @@ def walk() -> Walk:
 def write_bag(walk: Walk) -> Callable[..., Path]:
     """Records the walk into a folder; `change` may alter a (topic, message) or drop it (None)."""
 
-    def write(path: Path, storage: str = "mcap", change: Any = lambda topic, message: message) -> Path:
-        writer = BagWriter(path if storage == "mcap" else path.with_name("in_mcap"), TYPES)
-        for topic, name in TOPICS.items():
-            writer.add(f"/{topic}", f"rabbit_msgs/msg/{name}", [LATCHED])
-        for topic, tick, message in told(walk):
-            if (kept := change(topic, message)) is not None:
-                data = bytes(TYPES.serialize_cdr(kept, f"rabbit_msgs/msg/{TOPICS[topic]}"))
-                writer.write(f"/{topic}", tick * TICK_NS, data)
-        writer.close()
-        return path if storage == "mcap" else in_sqlite3(writer.path, path)
+    def write_walk(path: Path, storage: str = "mcap", change: Any = lambda topic, message: message) -> Path:
+        kept = ((topic, tick * TICK_NS, change(topic, message)) for topic, tick, message in told(walk))
+        mcap = write(path if storage == "mcap" else path.with_name("in_mcap"), (each for each in kept if each[2]))
+        return mcap if storage == "mcap" else in_sqlite3(mcap, path)
 
-    return write
+    return write_walk
+
+
+def write(path: Path, messages: Iterable[tuple[str, int, Any]]) -> Path:
+    """A recording of topics, times in ns and messages."""
+    writer = BagWriter(path, TYPES)
+    for topic, name in TOPICS.items():
+        writer.add(f"/{topic}", f"rabbit_msgs/msg/{name}", [LATCHED])
+    for topic, nanoseconds, what in messages:
+        data = bytes(TYPES.serialize_cdr(what, f"rabbit_msgs/msg/{TOPICS[topic]}"))
+        writer.write(f"/{topic}", nanoseconds, data)
+    writer.close()
+    return path
 
 
 def in_sqlite3(recording: Path, out: Path) -> Path:

@@ -6,17 +6,8 @@ from typing import Any
 import pytest
 from rabbit_description.gait import load_gait
 from rabbit_recording.active_settings import Settings
-from rabbit_recording.bag_writer import BagWriter
 from rabbit_recording.commands.bag import app
-from recorded_walk import (
-    LATCHED,
-    TICK_NS,
-    TOPICS,
-    TYPES,
-    Walk,
-    message,
-    told,
-)
+from recorded_walk import TICK_NS, Walk, message, told, write
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from typer.testing import CliRunner
 
@@ -48,27 +39,18 @@ def test_a_controller_started_again_holds_from_the_next_episode_on() -> None:
 @pytest.fixture
 def late(tmp_path: Path, walk: Walk) -> Path:
     """The walk as episode 3 from tick 40 on and as episode 4, recorded late: settings and policy are history."""
-    writer = BagWriter(tmp_path / "bag", TYPES)
-    for topic, name in TOPICS.items():
-        writer.add(f"/{topic}", f"rabbit_msgs/msg/{name}", [LATCHED])
-    length = (len(walk.records) + 1) * TICK_NS
+    length, messages = (len(walk.records) + 1) * TICK_NS, []
     for episode in (1, 2, 3, 4):
         for topic, tick, what in told(walk):
+            is_history = topic in ("controller_settings", "policy_swap")
             is_live = episode == 4 or (episode == 3 and tick >= LATE)
-            if not is_live and topic not in ("episode", "controller_settings", "policy_swap"):
+            if episode > 1 if is_history else not is_live and topic != "episode":
                 continue
-            if topic in ("controller_settings", "policy_swap"):
-                if episode > 1:
-                    continue
-                what.episode = 0
-            else:
-                what.episode = episode
-                at = (episode - 1) * length + tick * TICK_NS
-                what.header.stamp.sec, what.header.stamp.nanosec = divmod(at, 10**9)
-            data = bytes(TYPES.serialize_cdr(what, f"rabbit_msgs/msg/{TOPICS[topic]}"))
-            writer.write(f"/{topic}", (episode - 1) * length + tick * TICK_NS, data)
-    writer.close()
-    return tmp_path / "bag"
+            what.episode = 0 if is_history else episode
+            at = (episode - 1) * length + tick * TICK_NS
+            what.header.stamp.sec, what.header.stamp.nanosec = divmod(at, 10**9)
+            messages.append((topic, at, what))
+    return write(tmp_path / "bag", messages)
 
 
 LATE = 40  # tick

@@ -47,17 +47,6 @@ def test_ticks_come_back_bit_for_bit(tmp_path: Path, write_bag: WriteBag, walk: 
             np.testing.assert_array_equal(getattr(ours.output, name), getattr(theirs.output, name), name)
 
 
-def test_recorded_states_give_the_recorded_torques(tmp_path: Path, write_bag: WriteBag, walk: Walk) -> None:
-    (checked,) = check_episodes(write_bag(tmp_path / "bag"))
-    n = len(walk.records)
-    assert (checked.episode.recorded, checked.replayed, checked.episode.lost) == (n, n, 0)
-    assert (checked.differing, checked.furthest) == ([], 0.0)
-    other_parameters = walk.parameters.model_copy(update={"eps": 2 * walk.parameters.eps})
-    (other,) = check_episodes(write_bag(tmp_path / "other", change=settled(other_parameters)))
-    assert len(other.differing) > 0.9 * len(walk.records)
-    assert other.furthest > 1.0
-
-
 def test_the_episodes_own_exploration_is_replayed(tmp_path: Path, write_bag: WriteBag, walk: Walk) -> None:
     quiet = settled(walk.parameters.model_copy(update={"sigma": 0.0}))
 
@@ -86,13 +75,6 @@ def test_check_takes_the_recorded_parameters(tmp_path: Path, write_bag: WriteBag
     done = rabbit("check", write_bag(tmp_path / "other", change=other))
     assert done.exit_code == 1
     assert "torques differ" in done.output
-
-
-def test_without_recorded_parameters_nothing_is_checked(tmp_path: Path, write_bag: WriteBag) -> None:
-    bag = write_bag(tmp_path / "bag", change=lambda topic, m: None if topic == "controller_settings" else m)
-    done = rabbit("check", bag)
-    assert done.exit_code == 2
-    assert "parameters are not in it" in done.output
 
 
 def test_info_counts(tmp_path: Path, write_bag: WriteBag, walk: Walk) -> None:

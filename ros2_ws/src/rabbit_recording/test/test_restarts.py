@@ -7,36 +7,26 @@ from typing import Any
 import numpy as np
 import pytest
 from rabbit_recording import RecordingError
-from rabbit_recording.bag_writer import BagWriter
 from rabbit_recording.checking import replayed
 from rabbit_recording.commands.bag import app
 from rabbit_recording.message_header import SimulatedTime
 from rabbit_recording.reader import read_episodes
-from recorded_walk import DRAWS, LATCHED, TICK_NS, TOPICS, TYPES, Walk, message, state_message, told
+from recorded_walk import DRAWS, TICK_NS, TYPES, Walk, message, state_message, told, write
 from typer.testing import CliRunner
 
 
 @pytest.fixture
 def restarted(tmp_path: Path, walk: Walk) -> Path:
     """The same walk by two simulators, as former recorders stored it: the second behind the first."""
-    writer = BagWriter(tmp_path / "bag", TYPES)
-    for topic, name in TOPICS.items():
-        writer.add(f"/{topic}", f"rabbit_msgs/msg/{name}", [LATCHED])
-
-    def write(topic: str, nanoseconds: int, what: Any) -> None:
-        data = bytes(TYPES.serialize_cdr(what, f"rabbit_msgs/msg/{TOPICS[topic]}"))
-        writer.write(f"/{topic}", nanoseconds, data)
-
-    began = 0
+    waiting = {"seed": 0, "stones": 2, "reason": "", "policy_version": "", "sigma": float("nan"), "outcome": ""}
+    messages, began = [], 0
     for run in range(2):
-        waiting = {"seed": 0, "stones": 2, "reason": "", "policy_version": "", "sigma": float("nan"), "outcome": ""}
-        write("episode", began, message("episode", 0, **{**waiting, "episode": 0, "phase": 0, "touchdowns": 0}))
-        for topic, tick, what in told(walk):
-            if run == 0 or topic not in ("policy_swap", "controller_settings"):
-                write(topic, began + tick * TICK_NS, what)
+        word = message("episode", 0, **{**waiting, "episode": 0, "phase": 0, "touchdowns": 0})
+        messages.append(("episode", began, word))
+        once = ("policy_swap", "controller_settings") if run else ()
+        messages += [(topic, began + tick * TICK_NS, what) for topic, tick, what in told(walk) if topic not in once]
         began += (len(walk.records) + 2) * TICK_NS
-    writer.close()
-    return tmp_path / "bag"
+    return write(tmp_path / "bag", messages)
 
 
 @pytest.mark.parametrize("command", ["info", "check", pytest.param("plot", marks=DRAWS)])

@@ -7,23 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rabbit_recording.bag_writer import BagWriter
 from rabbit_recording.checking import check_episodes
-from recorded_walk import CONTROLLER, LATCHED, TICK_NS, TOPICS, TYPES, Walk, told
+from recorded_walk import CONTROLLER, TICK_NS, Walk, told, write
 
 OTHER = "/other fedcba9876543210"
-
-
-def write(path: Path, messages: Iterator[tuple[str, int, Any]]) -> Path:
-    """A recording of these."""
-    writer = BagWriter(path, TYPES)
-    for topic, name in TOPICS.items():
-        writer.add(f"/{topic}", f"rabbit_msgs/msg/{name}", [LATCHED])
-    for topic, tick, what in messages:
-        data = bytes(TYPES.serialize_cdr(what, f"rabbit_msgs/msg/{TOPICS[topic]}"))
-        writer.write(f"/{topic}", tick * TICK_NS, data)
-    writer.close()
-    return path
 
 
 def told_by_two(walk: Walk, is_other_first: bool) -> Iterator[tuple[str, int, Any]]:
@@ -39,7 +26,8 @@ def told_by_two(walk: Walk, is_other_first: bool) -> Iterator[tuple[str, int, An
             others = [(topic, tick, replace(what, mu=what.mu + 1, sender=OTHER))]
         elif topic == "learner_terms":
             others = [(topic, tick, replace(what, mu_qp=what.mu_qp + 1, sender=OTHER))]
-        yield from [*others, (topic, tick, what)] if is_other_first else [(topic, tick, what), *others]
+        both = [*others, (topic, tick, what)] if is_other_first else [(topic, tick, what), *others]
+        yield from ((topic, tick * TICK_NS, what) for topic, tick, what in both)
 
 
 @pytest.mark.parametrize("is_other_first", [True, False])
@@ -57,7 +45,8 @@ def test_a_tick_that_only_the_other_answered_is_lost(tmp_path: Path, walk: Walk)
         for topic, tick, what in told(walk):
             if topic == "episode":
                 what = replace(what, refused_controller=OTHER)
-            yield topic, tick, replace(what, sender=OTHER) if (topic, tick) == ("torque", 30) else what
+            is_others = (topic, tick) == ("torque", 30)
+            yield topic, tick * TICK_NS, replace(what, sender=OTHER) if is_others else what
 
     (checked,) = check_episodes(write(tmp_path / "bag", spoilt()))
     assert (checked.episode.lost, checked.episode.refused_controller) == (1, OTHER)

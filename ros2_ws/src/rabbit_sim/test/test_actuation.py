@@ -129,13 +129,14 @@ def test_gears_take_no_impulse_and_end_with_rotor_and_joint_together(backlash, s
 def test_motors_of_several_robots_are_those_of_each():
     """Also when some of them go on without the others."""
     changes = [{}, {"motor_lag": 0.004, "torque_delay": 0.013}, {"torque_rate": 5000.0}, {"motor_loss": 0.1}]
+    changes += [{"dead_zone": 3.0}, {"motor_frequency": 20.0}, {"motor_frequency": 40.0, "dead_zone": 5.0}]
     parameters = [SimulationParameters(**each) for each in changes]
     alone, together = [Actuation(each) for each in parameters], Actuation(*parameters)
-    commands = np.random.default_rng(1).uniform(-250, 250, (6, 4, 4))
-    left = np.arange(4)
+    commands = np.random.default_rng(1).uniform(-250, 250, (6, len(changes), 4))
+    left = np.arange(len(changes))
     for tick, command in enumerate(commands):
         if tick == 3:
-            left = np.array([1, 2])
+            left = np.array([1, 2, 6])
             together = together.going_on(left, [parameters[i] for i in left])
         held = together.advance(command[left])
         for row, i in enumerate(left):

@@ -65,30 +65,25 @@ def standing(robot):
     return project(robot.start()[0], np.zeros(7), RabbitFeet())
 
 
-@pytest.mark.parametrize("changes", [{}, PERTURBED, {"mass_scale": 0.5}, {"link_bend": -0.1}, LOADED])
-@pytest.mark.parametrize("seed", range(3))
-def test_pybullet_accelerates_as_pinocchio_in_free_flight(random_state, truth, changes, seed):
-    """Bullet's new velocity is v + dt a(q, v): one short step gives `a` up to rounding in v / dt."""
-    robot, dt = truth(**changes), 1e-5
-    q, dq = random_state(seed)
-    with world(PybulletPlant, robot.parameters, q, dq) as plant:
-        plant._client.setTimeStep(dt)
-        plant._apply(plant.at_joints(TORQUE))
-        plant._client.stepSimulation()
-        measured = (plant._joint_states()[1] - dq) / dt
-    expected = robot.free_acceleration(q, dq, TORQUE)
-    assert np.abs(measured - expected).max() <= 1e-9 * np.abs(expected).max()
-
-
-@pytest.mark.parametrize("changes", [{}, PERTURBED, {"mass_scale": 0.5}, {"link_bend": -0.1}, LOADED])
-@pytest.mark.parametrize("seed", range(3))
-def test_mujoco_accelerates_as_pinocchio_in_free_flight(random_state, truth, changes, seed):
-    robot = truth(**changes)
-    q, dq = random_state(seed)
-    with world(MujocoPlant, robot.parameters, q, dq) as plant:
+def acceleration(plant, dq):
+    """Under TORQUE. Bullet's new velocity is v + dt a(q, v): one short step gives `a` up to rounding in v / dt."""
+    if isinstance(plant, MujocoPlant):
         plant._data.qfrc_applied[3:7] = plant.at_joints(TORQUE)
         mujoco.mj_forward(plant.model, plant._data)
-        measured = plant._data.qacc[:7]
+        return plant._data.qacc[:7].copy()
+    dt = 1e-5
+    plant._client.setTimeStep(dt)
+    plant._apply(plant.at_joints(TORQUE))
+    plant._client.stepSimulation()
+    return (plant._joint_states()[1] - dq) / dt
+
+
+@pytest.mark.parametrize("changes", [{}, PERTURBED, {"mass_scale": 0.5}, {"link_bend": -0.1}, LOADED])
+@pytest.mark.parametrize("seed", range(3))
+def test_it_accelerates_as_pinocchio_in_free_flight(engine, random_state, truth, changes, seed):
+    robot, (q, dq) = truth(**changes), random_state(seed)
+    with world(engine, robot.parameters, q, dq) as plant:
+        measured = acceleration(plant, dq)
     expected = robot.free_acceleration(q, dq, TORQUE)
     assert np.abs(measured - expected).max() <= 1e-9 * np.abs(expected).max()
 

@@ -264,19 +264,6 @@ def test_an_episode_is_its_seed(plant, terrain):
     assert np.abs(first[-1].q[2:] - other[-1].q[2:]).max() > 1e-3
 
 
-@pytest.mark.parametrize("plant", ["mujoco", "pybullet", "rigid"])
-def test_an_episode_does_not_depend_on_the_one_before(plant):
-    simulation = Simulation(SimulationParameters(plant=plant), GAIT)
-    ends = []
-    for seed in (5, 6, 5):
-        state = simulation.reset(seed)
-        for _ in range(10):
-            state = simulation.step(np.array([-10.0, -25.0, 10.0, -10.0]))
-        ends.append(state.q)
-    simulation.close()
-    assert (ends[0] == ends[2]).all()
-
-
 def test_course_and_first_state_are_drawn_apart():
     """Another course distribution leaves the first state of a seed alone."""
     wide, narrow = (episode(3, ticks=0, plant="rigid", l_min_std=std)[0] for std in (0.03, 0.0))

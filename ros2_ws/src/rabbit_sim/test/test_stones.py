@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from pydantic import ValidationError
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.stones import CourseError, Stone, draw_course, read_course
 from rabbit_sim.terrain import Terrain
@@ -28,20 +27,12 @@ def test_uniform_course_fills_the_same_bounds():
     assert edges.std() == pytest.approx(0.1 / np.sqrt(12), rel=0.05)
 
 
-def test_a_course_is_its_seeds():
-    assert (near_edges(seed=3) == near_edges(seed=3)).all()
-    assert (near_edges(seed=3) != near_edges(seed=4)).any()
-
-
 # ---- files -----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
     ("name", "text"),
-    [
-        ("c.yaml", "stones: [{l_min: 0.3, l_max: 0.36}, {l_min: 0.4}]"),
-        ("c.csv", "l_min,l_max\n0.3,0.36\n0.4,\n"),
-    ],
+    [("c.yaml", "stones: [{l_min: 0.3, l_max: 0.36}, {l_min: 0.4}]"), ("c.csv", "l_min,l_max\n0.3,0.36\n0.4,\n")],
 )
 def test_course_files(tmp_path, name, text):
     path = tmp_path / name
@@ -55,18 +46,14 @@ def test_course_files(tmp_path, name, text):
 @pytest.mark.parametrize(
     ("name", "text", "expected"),
     [
-        ("c.yaml", "stones: [{l_min: 0.3}]", "1 stones: expected at least 2"),
         ("c.yaml", "stones: [{l_min: 0.3}, {l_min: .nan}]", "stone 2 l_min = nan"),
         ("c.yaml", "stones: [{l_min: 0.3, width: 1}, {l_min: 0.4}]", "stone 1 width"),
-        ("c.yaml", "[1, 2", "cannot be read"),
         ("c.csv", "l_min\n0.3\nx\n", "stone 2 l_min = 'x'"),
-        ("c.csv", None, "cannot be read"),
     ],
 )
 def test_bad_course_files_are_refused_by_name(tmp_path, name, text, expected):
     path = tmp_path / name
-    if text is not None:
-        path.write_text(text)
+    path.write_text(text)
     with pytest.raises(CourseError) as error:
         read_course(path, 2, 0.05)
     assert expected in str(error.value)
@@ -84,16 +71,6 @@ def test_relative_stones_follow_the_foot():
     seen = terrain.place_next(2, 0.31)
     assert (seen.index, seen.l_min, seen.l_max) == pytest.approx((2, 0.4, 0.44))
     assert terrain.placed[-1] == pytest.approx((0.71, 0.75, 0.0))
-
-
-def test_absolute_stones_stay_where_they_are():
-    """Stone 1 has its middle at 0.33, so stone 2 lies at 0.73 to 0.77 wherever the foot is."""
-    for foot in (0.31, 0.35):
-        terrain = Terrain(SimulationParameters(stones=2, stone_placement="absolute"), COURSE)
-        terrain.place_next(1, 0.0)
-        seen = terrain.place_next(2, foot)
-        assert terrain.placed[-1] == pytest.approx((0.73, 0.77, 0.0))
-        assert (seen.l_min, seen.l_max) == pytest.approx((0.73 - foot, 0.77 - foot))
 
 
 @pytest.mark.parametrize("previewed", [True, False])
@@ -126,21 +103,3 @@ def test_no_stone_beyond_the_last_and_none_on_flat_ground():
 
 
 # ---- parameters ------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("changes", "expected"),
-    [
-        ({"mass_scale": 0}, ("mass_scale", "input_value=0", "greater than or equal to 0.1")),
-        ({"ground_friction": float("nan")}, ("ground_friction", "input_value=nan", "finite")),
-        ({"ground_damping": 2e3, "plant": "rigid"}, ("ground_damping = 2000 with plant rigid", "pybullet or mujoco")),
-        ({"push": 5.0, "plant": "rigid"}, ("push = 5 with plant rigid", "pybullet or mujoco")),
-        ({"stone": 3}, ("stone", "input_value=3", "not permitted")),
-        ({"l_min_mean": 0.8, "l_min_std": 0.03}, ("l_min_mean + l_min_truncation", "at most 0.9 m")),
-    ],
-)
-def test_bad_parameters_are_refused_by_name_value_and_what_was_expected(changes, expected):
-    with pytest.raises(ValidationError) as error:
-        SimulationParameters(**changes)
-    for part in expected:
-        assert part in str(error.value)

@@ -9,7 +9,7 @@ from rabbit_description.state import BodySensors, RobotState
 from rabbit_sim.actuation import Actuation
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.perturbation import Memory
-from rabbit_sim.perturbations.encoders import EncoderDrift, EncoderGain, FilteredRates, StuckEncoders
+from rabbit_sim.perturbations.encoders import EncoderDrift, EncoderGain, StuckEncoders
 from rabbit_sim.perturbations.ground import TippingStones
 from rabbit_sim.perturbations.joints import (
     DAHL_STIFFNESS,
@@ -44,16 +44,6 @@ def test_second_order_motors_overshoot_as_their_damping_says() -> None:
     peak = (torque.argmax() + 0.5) * SUBSTEP_SECONDS
     assert peak == pytest.approx(1 / (2 * frequency * sqrt(1 - z**2)), abs=1.5e-3)
     assert torque[-1] == pytest.approx(100, rel=1e-3)
-
-
-def test_motors_of_a_batch_are_those_of_each_robot() -> None:
-    kinds = [SimulationParameters(motor_frequency=f, dead_zone=d) for f, d in ((0.0, 3.0), (20.0, 0.0), (40.0, 5.0))]
-    together, alone = Actuation(*kinds), [Actuation(each) for each in kinds]
-    rng = np.random.default_rng(4)
-    for _ in range(5):
-        command = rng.uniform(-100, 100, (3, 4))
-        found = together.advance(command)
-        assert np.array_equal(found, [one.advance(row) for one, row in zip(alone, command, strict=True)])
 
 
 def test_a_dead_zone_gives_nothing_within_and_lacks_it_beyond() -> None:
@@ -185,10 +175,3 @@ def test_an_encoder_with_a_gain_measures_the_rate_of_its_own_angle() -> None:
     assert first.q[3:] == pytest.approx(first.dq[3:])
     assert len(set(first.q[3:])) == 4
     assert first.q[:3].tolist() == [1.0] * 3
-
-
-def test_filtered_rates_reach_a_step_as_a_filter_of_first_order_does() -> None:
-    measure = begun(FilteredRates, SimulationParameters(rate_lag=0.02))
-    measure(measured(0.0), reading())
-    after = [measure(measured(1.0), reading()).dq[3] for _ in range(5)]
-    assert after == pytest.approx(1 - np.exp(-0.01 * np.arange(1, 6) / 0.02))

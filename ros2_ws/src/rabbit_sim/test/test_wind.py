@@ -50,11 +50,6 @@ def test_gusts_have_their_spread_and_their_time_constant():
         assert correlation == pytest.approx(np.exp(-lag * TICK_SECONDS / 0.2), abs=0.08)
 
 
-def test_gusts_are_those_of_the_seed():
-    assert (forces(3, 40, gusts=5.0) == forces(3, 40, gusts=5.0)).all()
-    assert (forces(3, 40, gusts=5.0) != forces(4, 40, gusts=5.0)).any()
-
-
 def test_robots_in_a_batch_feel_the_wind_that_they_feel_alone():
     """To the bit, also beside a calm one."""
     changes = [{"wind": 25.0}, {}, {"wind": -10.0, "gusts": 15.0, "push": 5.0, "push_interval": 0.1}]

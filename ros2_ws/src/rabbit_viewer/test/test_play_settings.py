@@ -2,10 +2,7 @@
 
 import pytest
 from rabbit_sim.parameters import SimulationParameters
-from rabbit_viewer.play.settings import (
-    PlaySettings,
-    plant_of,
-)
+from rabbit_viewer.play.settings import PlaySettings, plant_of
 
 
 def test_settings_reach_the_plant() -> None:

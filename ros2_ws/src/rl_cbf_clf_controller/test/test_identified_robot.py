@@ -10,14 +10,7 @@ from rabbit_description.gait import load_gait
 from rabbit_description.state import DOF, TICK_SECONDS, RobotState, StonePreview
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.identification import RATE_NOISE, SIZE, is_physical
-from rl_cbf_clf_controller.identified_robot import (
-    KNOWN,
-    NOISE_WEIGHT,
-    PITCH,
-    after_tick,
-    first_known,
-    rate_variance,
-)
+from rl_cbf_clf_controller.identified_robot import KNOWN, NOISE_WEIGHT, PITCH, after_tick, first_known, rate_variance
 from rl_cbf_clf_controller.parameters import load_parameters
 from rl_cbf_clf_controller.policy import Policy, ZeroPolicy
 from rl_cbf_clf_controller.robot_numbers import read_robot

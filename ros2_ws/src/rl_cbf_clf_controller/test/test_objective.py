@@ -32,12 +32,6 @@ def start():
     return RobotState(0, q, dq, np.zeros((2, 2)), np.array([True, False]), 0, StonePreview(1, 0.35, 0.40))
 
 
-def test_the_papers_objective_is_the_default_and_is_told():
-    output = controller().step(start())
-    assert (output.objective, output.adaptation) == ("paper", "none")
-    assert controller(objective="pd_centred").step(start()).objective == "pd_centred"
-
-
 def test_without_a_binding_row_mu_follows_the_pd_law():
     """(I + mu_weight) mu = v_PD where no error is known."""
     built = controller(objective="pd_centred", torque_limit=1e4, force_rows=False, barrier_rows=False)
@@ -63,10 +57,6 @@ def test_the_pd_centred_objective_needs_the_output_error():
         assert controller(Untold(), adaptation=adaptation).step(start()).policy_version == "untold"
         with pytest.raises(ControllerError, match="objective pd_centred: expected a structured policy"):
             controller(Untold(), adaptation=adaptation, objective="pd_centred").step(start())
-
-
-def test_the_zero_policy_tells_no_error():
-    assert not Estimates.zero(1, 4).output_error.any()
 
 
 @pytest.mark.parametrize("solver", ["daqp", "osqp"])

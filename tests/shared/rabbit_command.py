@@ -1,0 +1,21 @@
+"""`rabbit` as tests call it."""
+
+import os
+import subprocess
+import sys
+
+from rabbit_bringup.cli import app
+from typer.testing import CliRunner, Result
+
+RABBIT = (sys.executable, "-c", "from rabbit_bringup.cli import app; app()")
+
+
+def rabbit(*words: object, timeout: float = 400.0, **environment: str) -> subprocess.CompletedProcess[str]:
+    """In a process of its own, until it has ended."""
+    known = {**os.environ, **environment}
+    return subprocess.run([*RABBIT, *map(str, words)], capture_output=True, text=True, timeout=timeout, env=known)
+
+
+def invoke(*words: object) -> Result:
+    """In this process."""
+    return CliRunner().invoke(app, [str(word) for word in words])
