@@ -3,7 +3,6 @@
 rabbit walk --controller none --terrain flat    and in another shell: python examples/own_controller_node.py
 """
 
-
 import rclpy
 from numpy import array, clip, ndarray
 from numpy.polynomial.polynomial import polyder, polyval
@@ -46,6 +45,6 @@ try:
     rclpy.spin(node)
 except KeyboardInterrupt:
     pass
-except Exception:  # noqa: BLE001
+except Exception:
     if rclpy.ok():  # else SIGTERM has ended it, perhaps as it published
         raise

@@ -3,7 +3,6 @@
 python examples/own_simulator_node.py    and in another shell: python examples/own_controller_node.py
 """
 
-
 import numpy as np
 import rclpy
 from rabbit_msgs.msg import Episode, RobotState, TorqueCommand
@@ -47,6 +46,6 @@ try:
     rclpy.spin(node)
 except KeyboardInterrupt:
     pass
-except Exception:  # noqa: BLE001
+except Exception:
     if rclpy.ok():  # else SIGTERM has ended it, perhaps as it published
         raise
