@@ -8,6 +8,7 @@ from cbf_clf_qp.functions import Array
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle
 from rabbit_description.task import ControlTask, Line, Shape
+from rabbit_experiments.task_rides import RideRow
 from rabbit_viewer import style
 from rabbit_viewer.video import FRAME_RATE, encode
 from rl_trainer.task_episode import Moment, Ride
@@ -19,7 +20,7 @@ FILM_INCHES, FILM_DPI, FILM_SECONDS = 6.4, 100, 12.0
 ROOM = 0.1  # around what is drawn, of its size
 
 
-def draw_margins(task: ControlTask, rides: Mapping[str, Sequence[Ride]], path: Path) -> Path:
+def draw_margins(task: ControlTask, rides: Mapping[str, Sequence[RideRow]], path: Path) -> Path:
     """Each barrier's least value in each ride, by controller; rides that failed have none. Impacts, if any."""
     names = [each.name for each in task.barriers]
     with style.look():

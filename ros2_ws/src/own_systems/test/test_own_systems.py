@@ -9,6 +9,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from operator import attrgetter
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -20,6 +21,8 @@ from own_systems.commands.system import app
 from own_systems.page import ended_of
 from own_systems.recording import differing, recorded_ride, write_ride
 from rabbit_description.task_source import load_task
+from rabbit_experiments.cache import Cache
+from rabbit_experiments.task_rides import rides_of
 from rabbit_recording import RecordingError
 from rabbit_recording.commands.bag import app as bag_app
 from rabbit_recording.contents import contents
@@ -267,10 +270,41 @@ def test_the_commands(cart, task, tmp_path):
     assert "differ" in said
 
 
+def test_a_benchmark_goes_from_the_nominal_plant_beyond_the_true_one(cart, tmp_path):
+    """The nominal controller keeps the wall where its model is right; any number of processes says the same."""
+    said = {}
+    for processes in (1, 2):
+        out = tmp_path / str(processes)
+        code, text = typed("benchmark", cart, "--rides", 2, "--jobs", processes, "--out", out)
+        assert code == 0, text
+        said[processes] = (out / "benchmark.md").read_text()
+    assert said[1] == said[2]
+    rows = [[cell.split()[0] for cell in line.split("|")[2:4]] for line in said[1].splitlines() if "mass:" in line]
+    assert rows[0] == ["2", "2"]
+    assert rows[2:] == [["0", "2"]] * 3
+    kept = {path: path.stat().st_mtime_ns for path in (tmp_path / "1" / "cache").rglob("*.json.gz")}
+    assert typed("benchmark", cart, "--rides", 2, "--jobs", 1, "--out", tmp_path / "1")[0] == 0
+    assert kept == {path: path.stat().st_mtime_ns for path in (tmp_path / "1" / "cache").rglob("*.json.gz")}
+
+
+def test_another_urdf_is_another_ride(tmp_path):
+    for kind in (".yaml", ".urdf"):
+        (tmp_path / f"walker{kind}").write_bytes((Path(__file__).parents[4] / f"examples/amber_3m{kind}").read_bytes())
+    walker = tmp_path / "walker.yaml"
+    walker.write_text(walker.read_text().replace("amber_3m.urdf", "walker.urdf"))
+    (ride,) = rides_of(str(walker), ["nominal"], 1, 1)
+    before = Cache(tmp_path).key(ride)
+    with (tmp_path / "walker.urdf").open("a") as urdf:
+        urdf.write("<!-- another -->")
+    after = Cache(tmp_path).key(ride)
+    assert (before.asked, before.made_with != after.made_with) == (after.asked, True)
+
+
 @pytest.mark.parametrize(
     "words",
     [
         ("evaluate", "nosuch.py"),
+        ("benchmark", "{cart}", "--controller", "nosuch"),
         ("evaluate", "{cart}", "--controller", "nosuch"),
         ("evaluate", "{cart}", "--controller", "nosuch.safetensors"),
         ("evaluate", "{cart}", "--rides", "1", "--out", "/proc/nosuch"),

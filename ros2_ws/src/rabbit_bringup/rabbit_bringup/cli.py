@@ -31,7 +31,7 @@ ORDER = (
     *("gait", "train", "scales", "policy", "export", "estimates", "estimator", "rival", "residual"),
     *("bench", "jitter", "soak", "bag", "video"),
 )
-OF_TASKS = ("evaluate", "train", "play")  # which take a `--task`
+OF_TASKS = ("evaluate", "benchmark", "train", "play")  # which take a `--task`
 TASK_HELP = "run a control task of your own instead of RABBIT; for its options: --task TASK --help"
 # what `pip install` leaves out unless asked: who only walks needs none of it
 EXTRAS = {"torch": "rl_trainer[learn]", "imageio_ffmpeg": "rabbit_viewer[film]"}
@@ -121,6 +121,7 @@ class LazyGroup(TyperGroup):
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """The command itself. From here on a Ctrl-C or SIGTERM is a `KeyboardInterrupt`, which it may answer."""
+        args = of_task(args)
         if args[0] in ORDER and args[0] not in commands():
             _fail(f"{args[0]} is not installed: call make studies, or pip install ./studies ./qa")
         if args[0] not in commands() and not args[0].startswith("-"):
@@ -128,7 +129,7 @@ class LazyGroup(TyperGroup):
 
             near = nearest(args[0], commands())
             _fail(f"no command {args[0]}{f': did you mean {near}?' if near else '; rabbit --help lists them'}")
-        name, _, rest = super().resolve_command(ctx, of_task(args))
+        name, _, rest = super().resolve_command(ctx, args)
         entry = commands()[str(name)]
         if source(entry) is None:
             _fail(f"{name} cannot be called: there is no module {entry.module}")

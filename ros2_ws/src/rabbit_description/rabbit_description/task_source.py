@@ -8,6 +8,7 @@ from rabbit_description.bounded_file import is_file
 from rabbit_description.task import ControlTask, TaskError
 from rabbit_description.user_code import fault_in_user_code
 from rabbit_description.validation import one_line
+from rabbit_description.yaml_file import read_mapping
 
 GROUP = "rabbit.systems"  # entry points that name a ControlTask
 FILES = "rabbit.task_files"  # entry points by a file's ending: functions of its path that give one
@@ -28,6 +29,14 @@ def load_task(source: str) -> ControlTask:
         if isinstance(error, TaskError) and not where:
             raise
         raise TaskError(where or f"{source}: {one_line(error)}") from error
+
+
+def files_of(source: str) -> tuple[Path, ...]:
+    """The files that a task is made of: its own, and the URDF that a walker names; of a package's task none."""
+    path = Path(source)
+    if path.suffix == ".yaml":
+        return path, path.parent / str(read_mapping(path).get("urdf", ""))
+    return (path,) if path.suffix == ".py" else ()
 
 
 def _loaded(source: str) -> ControlTask:

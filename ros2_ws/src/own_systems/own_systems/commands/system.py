@@ -1,14 +1,14 @@
-"""A control task of your own: ride, check; also `rabbit evaluate`, `train`, `play --task TASK`."""
+"""A control task of your own: ride, check; also `rabbit evaluate`, `benchmark`, `train`, `play --task TASK`."""
 
 import csv
 import json
-from collections import Counter
+import os
 from functools import partial
-from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from rabbit_common.exit_codes import of_interrupt
 from rabbit_common.options import complaints, fail
 from rabbit_common.own_folder import new_file, own_folder
 
@@ -16,10 +16,10 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from rabbit_description.task import ControlTask
+    from rabbit_experiments.task_rides import RideRow, TaskRide
     from rl_trainer.task_episode import Ride
 
 DIFFERS = 1
-APART = 1_000_000  # seeds of evaluations begin here times their own; those of trainings are 32 bits long, drawn
 DECIMALS = 4  # of a barrier
 
 app = typer.Typer(help=__doc__, no_args_is_help=True, add_completion=False)
@@ -27,33 +27,95 @@ Task = Annotated[
     str, typer.Argument(help="a .py file with a ControlTask, a walker's .yaml, or an entry point in rabbit.systems")
 ]
 Seed = Annotated[int, typer.Option(help="seed of starts, commands and weights", min=0, max=2**31)]
+Controllers = Annotated[str, typer.Option(help="names, or policy files", metavar="NAME,...")]
+Rides = Annotated[
+    int, typer.Option("--rides", "--runs", help="rides of each controller, the same for all", min=1, max=100_000)
+]
+Out = Annotated[Path | None, typer.Option(help="folder of the results (default: runs/COMMAND-KEY, one for each)")]
+Jobs = Annotated[int | None, typer.Option(min=1, max=4096, help="processes (default: all cores)")]
 
 
 @app.command()
 def evaluate(
     task: Task,
-    controller: Annotated[str, typer.Option(help="names, or policy files", metavar="NAME,...")] = "nominal,oracle",
-    rides: Annotated[
-        int, typer.Option("--rides", "--runs", help="rides of each controller, the same for all", min=1, max=100_000)
-    ] = 10,
+    controller: Controllers = "nominal,oracle",
+    rides: Rides = 10,
     seed: Seed = 1,
-    out: Annotated[Path | None, typer.Option(help="folder for runs.csv, summary.json, margins.png")] = None,
+    out: Out = None,
+    jobs: Jobs = None,
 ) -> None:
     """Ride many seeded episodes under each controller: which kept every barrier, and by how much."""
-    loaded = load(task)
-    from rl_cbf_clf_controller.task_controller import TaskController
-    from rl_trainer.task_episode import ride_of
+    from rabbit_experiments.task_rides import rides_of, summarise
 
-    made = TaskController(loaded)
-    with complaints(ValueError):
-        chosen = {name: made.controlling(name) for name in controller.split(",")}
-    folder = own_folder(out, "system evaluate") if out else None
-    seeds = [APART * seed + ride for ride in range(rides)]
-    ridden = {name: [ride_of(made, controlling, each) for each in seeds] for name, controlling in chosen.items()}
-    summary = {name: summarise(loaded, each) for name, each in ridden.items()}
+    loaded, names = load(task), controller.split(",")
+    check_names(loaded, names)
+    asked = rides_of(task, names, rides, seed)
+    folder, rows = walked(asked, out, "evaluate", jobs)
+    ridden = {name: rows[i * rides : (i + 1) * rides] for i, name in enumerate(names)}
+    summary = {name: summarise(loaded, of_one) for name, of_one in ridden.items()}
     show(loaded, summary)
-    if folder:
-        write_results(folder, loaded, ridden, {"seed": seed, "rides": rides, **summary})
+    write_results(folder, loaded, ridden, {"seed": seed, "rides": rides, **summary})
+
+
+@app.command()
+def benchmark(
+    task: Task,
+    controller: Controllers = "nominal,oracle",
+    rides: Rides = 10,
+    seed: Seed = 1,
+    out: Out = None,
+    jobs: Jobs = None,
+) -> None:
+    """Ride on many plants: each true parameter from nominal to twice as far off as it is, the others nominal; then
+    all."""
+    from rabbit_description.atomic_file import replace_text
+    from rabbit_experiments.task_rides import plants_of, rides_of, summarise
+
+    loaded, names = load(task), controller.split(",")
+    check_names(loaded, names)
+    if not (plants := plants_of(loaded)):
+        fail(f"task {loaded.name}: expected true parameters that differ from the nominal ones")
+    asked = [ride for plant in plants.values() for ride in rides_of(task, names, rides, seed, plant)]
+    folder, rows = walked(asked, out, "benchmark", jobs)
+    lines = [f"# {loaded.name}: rides that kept all, of {rides}, with Wilson's interval; seed {seed}", ""]
+    lines += [f"| plant | {' | '.join(Path(name).stem for name in names)} |", "|---" * (1 + len(names)) + "|"]
+    at = iter(rows)
+    for plant in plants:
+        of_each = [summarise(loaded, [next(at) for _ in range(rides)]) for _ in names]
+        cells = [f"{of['kept']} {interval(of['kept_ci95'], 2)}" for of in of_each]
+        lines.append(f"| {plant} | {' | '.join(cells)} |")
+    print(*lines, sep="\n")
+    replace_text(folder / "benchmark.md", "\n".join(lines) + "\n")
+    print(f"written {folder}")
+
+
+def check_names(task: "ControlTask", names: "Sequence[str]") -> None:
+    """Ends the command where one is no controller."""
+    from rl_cbf_clf_controller.task_controller import TaskController
+
+    made = TaskController(task)
+    with complaints(ValueError):
+        for name in names:
+            made.controlling(name)
+
+
+def walked(
+    asked: "Sequence[TaskRide]", out: Path | None, command: str, jobs: int | None
+) -> "tuple[Path, list[RideRow]]":
+    """The folder, and a row for each ride; one that was stopped goes on there."""
+    from rabbit_experiments.cache import Cache, JobError
+    from rabbit_experiments.engine import run
+    from rabbit_experiments.provenance import key_of, plain
+
+    name = out or Path("runs", f"{command}-{key_of([plain(ride) for ride in asked])[:8]}")
+    folder = own_folder(name, f"system {command}")
+    cache = Cache(folder / "cache")
+    try:
+        with complaints(JobError):
+            run(asked, cache, jobs or os.cpu_count() or 1)
+    except KeyboardInterrupt as stop:
+        fail("stopped; the same command goes on from the rides that are done", code=of_interrupt(stop))
+    return folder, [cache.get(ride) for ride in asked]
 
 
 def load(source: str) -> "ControlTask":
@@ -63,25 +125,6 @@ def load(source: str) -> "ControlTask":
 
     with complaints(TaskError):
         return load_task(source)
-
-
-def summarise(task: "ControlTask", rides: "Sequence[Ride]") -> dict[str, Any]:
-    """Of one controller's rides; a barrier's figures are of rides that did not fail."""
-    import numpy as np
-    from rabbit_experiments.summary import mean_interval, wilson
-
-    kept = sum(ride.is_kept for ride in rides)
-    found: dict[str, Any] = {"kept": kept, "of": len(rides), "kept_ci95": wilson(kept, len(rides)), "barriers": {}}
-    done = np.array([ride.margins for ride in rides if ride.outcome == "done"])
-    for name, margins in zip((b.name for b in task.barriers), done.T, strict=False):
-        figures = {"worst": float(margins.min()), "mean": float(margins.mean()), "mean_ci95": mean_interval(margins)}
-        found["barriers"][name] = figures
-    if task.impact:
-        counts = np.array([float(ride.impacts) for ride in rides])
-        ends = mean_interval(counts, 0.0, inf if task.impacts is None else task.impacts)
-        found["impacts"] = {"mean": float(counts.mean()), "mean_ci95": ends}
-    reasons = Counter(ride.reason.partition(" =")[0] for ride in rides if ride.reason)
-    return found | {"outcomes": dict(Counter(ride.outcome for ride in rides)), "reasons": dict(reasons)}
 
 
 def show(task: "ControlTask", summary: dict[str, Any]) -> None:
@@ -109,7 +152,9 @@ def interval(ends: tuple[float, float] | None, digits: int) -> str:
     return f"({ends[0]:.{digits}f}, {ends[1]:.{digits}f})" if ends else ""
 
 
-def write_results(folder: Path, task: "ControlTask", ridden: "dict[str, list[Ride]]", summary: dict[str, Any]) -> None:
+def write_results(
+    folder: Path, task: "ControlTask", ridden: "dict[str, list[RideRow]]", summary: dict[str, Any]
+) -> None:
     """A row for each ride, the summary, and a picture."""
     from rabbit_description.atomic_file import replace_text, replacing
 
@@ -122,8 +167,8 @@ def write_results(folder: Path, task: "ControlTask", ridden: "dict[str, list[Rid
             table.writerow(["controller", "seed", "ticks", "outcome", "reason", "kept", "impacts", *names])
             for name, rides in ridden.items():
                 for ride in rides:
-                    ended = len(ride.moments), ride.outcome, ride.reason, ride.is_kept, ride.impacts
-                    table.writerow([name, ride.seed, *ended, *ride.margins.tolist()])
+                    ended = ride.ticks, ride.outcome, ride.reason, ride.is_kept, ride.impacts
+                    table.writerow([name, ride.seed, *ended, *ride.margins])
         replace_text(folder / "summary.json", json.dumps({"task": task.name, **summary}, indent=2))
         draw_margins(task, ridden, folder / "margins.png")
     print(f"written {folder}")
@@ -184,7 +229,7 @@ def ride(
 @app.command()
 def play(
     task: Task,
-    controller: Annotated[str, typer.Option(help="names, or policy files", metavar="NAME,...")] = "nominal,oracle",
+    controller: Controllers = "nominal,oracle",
     seed: Seed = 1,
     port: Annotated[int, typer.Option(help="port of the page; 0: any free one", min=0, max=65535)] = 8765,
     browser: Annotated[bool, typer.Option(help="open the page in a browser")] = True,

@@ -1,0 +1,100 @@
+"""Seeded rides of a control task as jobs: over processes, kept, and gone on with; and the plants of its benchmark."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from math import inf
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+from rabbit_description.task import ControlTask
+from rabbit_description.task_source import files_of, load_task
+from rl_cbf_clf_controller.task_controller import TaskController
+from rl_trainer.task_episode import ride_of
+
+from rabbit_experiments.cache import Job
+from rabbit_experiments.summary import mean_interval, wilson
+
+APART = 1_000_000  # seeds of evaluations begin here times their own; those of trainings are 32 bits long, drawn
+SHARES = (0.0, 0.5, 1.0, 1.5, 2.0)  # of the way from a nominal parameter to the true one
+Plant = tuple[tuple[str, float], ...]  # true parameters, by name
+
+
+class RideRow(BaseModel):
+    """What a ride leaves behind. `margins`: the least value of each barrier, -inf after a failure."""
+
+    model_config = ConfigDict(frozen=True)
+
+    seed: int
+    ticks: int
+    outcome: str
+    reason: str
+    is_kept: bool
+    impacts: int
+    margins: list[float]
+
+
+@dataclass(frozen=True)
+class TaskRide(Job):
+    """A ride under a controller by its name, or a policy's file. `plant`: what is true in place of the task's `true`.
+
+    `files`: of which the task is made.
+    """
+
+    task: str
+    files: tuple[Path, ...]
+    controller: str
+    seed: int
+    plant: Plant = ()
+    model = RideRow
+
+    def do(self) -> RideRow:
+        controller = controller_of(self.task, self.plant)
+        ride = ride_of(controller, controller.controlling(self.controller), self.seed)
+        ended = {"outcome": ride.outcome, "reason": ride.reason, "is_kept": ride.is_kept, "impacts": ride.impacts}
+        return RideRow(seed=self.seed, ticks=len(ride.moments), margins=ride.margins.tolist(), **ended)
+
+
+@lru_cache(maxsize=1)
+def controller_of(source: str, plant: Plant) -> TaskController:
+    """Of a task on this plant."""
+    task = load_task(source)
+    return TaskController(replace(task, true={**task.true, **dict(plant)}) if plant else task)
+
+
+def rides_of(source: str, controllers: Sequence[str], rides: int, seed: int, plant: Plant = ()) -> list[TaskRide]:
+    """So many rides of each controller, the same for all."""
+    files, seeds = files_of(source), range(APART * seed, APART * seed + rides)
+    return [TaskRide(source, files, name, each, plant, title=name) for name in controllers for each in seeds]
+
+
+def plants_of(task: ControlTask) -> dict[str, Plant]:
+    """By what it is called: each true parameter at the `SHARES`, the others nominal; then all together."""
+    off = list(task.true)
+    plants = {}
+    for varied in [[name] for name in off] + [off] * (len(off) > 1):
+        for share in SHARES:
+            way = {name: task.nominal[name] + share * (task.true[name] - task.nominal[name]) for name in varied}
+            said = "all" if len(varied) > 1 else varied[0]
+            values = f"{share:g} of the way" if len(varied) > 1 else f"{way[varied[0]]:.4g}"
+            plants[f"{said}: {values}"] = tuple(({name: task.nominal[name] for name in off} | way).items())
+    return plants
+
+
+def summarise(task: ControlTask, rides: Sequence[RideRow]) -> dict[str, Any]:
+    """Of one controller's rides; a barrier's figures are of rides that did not fail."""
+    kept = sum(ride.is_kept for ride in rides)
+    found: dict[str, Any] = {"kept": kept, "of": len(rides), "kept_ci95": wilson(kept, len(rides)), "barriers": {}}
+    done = np.array([ride.margins for ride in rides if ride.outcome == "done"])
+    for name, margins in zip((b.name for b in task.barriers), done.T, strict=False):
+        figures = {"worst": float(margins.min()), "mean": float(margins.mean()), "mean_ci95": mean_interval(margins)}
+        found["barriers"][name] = figures
+    if task.impact:
+        counts = np.array([float(ride.impacts) for ride in rides])
+        ends = mean_interval(counts, 0.0, inf if task.impacts is None else task.impacts)
+        found["impacts"] = {"mean": float(counts.mean()), "mean_ci95": ends}
+    reasons = Counter(ride.reason.partition(" =")[0] for ride in rides if ride.reason)
+    return found | {"outcomes": dict(Counter(ride.outcome for ride in rides)), "reasons": dict(reasons)}
