@@ -14,6 +14,7 @@ import pytest
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from own_systems import ControlTask
+from rabbit_command import rabbit
 from rabbit_common.ros.qos import EVENT, TICK
 from rabbit_common.task_messages import measured_fields, parameter_fields
 from rabbit_description.task_simulation import TaskSimulation
@@ -315,3 +316,42 @@ def test_a_trainer_and_a_simulator_that_are_started_again_go_on(world: Any) -> N
         world.processes.stop([name])
         start(world, name, **parameters)
         learns_on()
+
+
+def test_rabbit_walk_learns_on_a_task_and_its_recording_replays(tmp_path: Path) -> None:
+    """With exploration, and with every policy that was swapped in."""
+    task, out = path_of("segway"), tmp_path / "walk"
+    done = rabbit("walk", "--task", task, "--episodes", 3, "--swap-at", "episode", "--no-video", "--out", out)
+    assert done.returncode == 0, done.stderr
+    assert "3 of 3 episodes walked" in done.stdout
+    assert len(list((out / "training" / "policies").glob("*.safetensors"))) == 3
+    assert (out / "pictures" / "rows.png").is_file()
+    checked = rabbit("bag", "check", out / "recording", "--task", task)
+    assert (checked.returncode, checked.stdout) == (0, "2400 ticks replayed, 0 lost, inputs identical\n")
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (("--mass-scale", 2), "--mass-scale beside --task"),
+        (("--policy", "nosuch"), "controller nosuch: expected one of nominal, oracle"),
+        (("--view",), "--view beside --task"),
+    ],
+)
+def test_what_a_walk_of_a_task_cannot_be_is_named(tmp_path: Path, words: tuple[object, ...], text: str) -> None:
+    done = rabbit("walk", "--task", path_of("segway"), *words, "--out", tmp_path / "walk")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert text in done.stderr
+    assert not (tmp_path / "walk").exists()
+
+
+def test_noise_is_of_a_tick_whether_or_not_those_before_were_seen() -> None:
+    """So a recording with a gap replays, and a controller that comes late explores as it would have."""
+    controller = TaskController(load_task(path_of("segway")))
+    controller.sigma = 1.0
+    states: list[Any] = []
+    last = rollout(TaskSimulation(controller.task), controller, 7, lambda record: states.append(record))
+    assert not last.running
+    controller.reset(7)
+    for k in (0, 5, 6, 300):
+        assert controller.step(states[k].state).omega.tolist() == states[k].output.omega.tolist()

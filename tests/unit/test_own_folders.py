@@ -34,6 +34,7 @@ FOLDERS = {
     "bag plot": ("none.mcap",),
     "walk": (),
     "system evaluate": (CART_POLE, "--rides", 1),
+    "system benchmark": (CART_POLE, "--rides", 1, "--jobs", 1),
     "system ride": (CART_POLE,),
     "soak": (),
     "jitter": (),

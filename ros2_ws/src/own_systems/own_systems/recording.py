@@ -97,8 +97,12 @@ def offered(latched: bool) -> Qos:
     return Qos(*kept, FOREVER, FOREVER, QosLiveliness.AUTOMATIC, FOREVER, avoid_ros_namespace_conventions=False)
 
 
-def recorded_ticks(task: ControlTask, path: Path, policies: dict[str, bytes]) -> Iterator[tuple[Any, RobotState]]:
-    """The answer, a `TorqueCommand`, to each state that was heard whole; `policies` gets the recorded ones by version.
+def recorded_ticks(
+    task: ControlTask, path: Path, policies: dict[str, bytes], episodes: dict[int, Any]
+) -> Iterator[tuple[Any, RobotState]]:
+    """The answer, a `TorqueCommand`, to each state that was heard whole.
+
+    `policies` gets the recorded ones by version, `episodes` the newest announcement of each.
 
     A recorder may have heard state, parameters and torque in any order.
 
@@ -112,6 +116,8 @@ def recorded_ticks(task: ControlTask, path: Path, policies: dict[str, bytes]) ->
             raise RecordingError(f"recording {path}: of another system, with {was}; not of {task.name}")
         if topic == "policy_swap" and m.accepted:
             policies[m.version] = bytes(m.data)
+        if topic == "episode":
+            episodes[m.episode] = m
         if topic not in heard:
             continue
         turn = (m.episode, m.tick)
@@ -132,7 +138,11 @@ def replayed(task: ControlTask, path: Path) -> Iterator[tuple[Any, Moment]]:
     Raises `RecordingError`, also where a policy is not in it or not for this task, or no tick of the task.
     """
     controller, policies, by = TaskController(task), dict[str, bytes](), None
-    for answer, state in recorded_ticks(task, path, policies):
+    episodes, began = dict[int, Any](), None
+    for answer, state in recorded_ticks(task, path, policies, episodes):
+        if answer.episode != began and (said := episodes.get(answer.episode)):
+            controller.reset(said.seed)
+            controller.sigma, began = float(np.nan_to_num(said.sigma)), answer.episode
         if answer.policy_version != by or not state.tick:
             by = answer.policy_version
             controller.policy = recorded_controller(controller, path, by, policies)

@@ -47,7 +47,7 @@ def counted(outcomes: Sequence[str]) -> list[str]:
 
 def of_walk(outcomes: Sequence[str]) -> ExitCode:
     """The exit code of a walk whose episodes ended so, in their order; without any it is a fault."""
-    codes = {"walked": ExitCode.WALKED, **dict.fromkeys(OF_THE_GRAPH, ExitCode.FAULT)}
+    codes = {"walked": ExitCode.WALKED, "done": ExitCode.WALKED, **dict.fromkeys(OF_THE_GRAPH, ExitCode.FAULT)}
     return max((codes.get(outcome, ExitCode.FELL) for outcome in counted(outcomes)), default=ExitCode.FAULT)
 
 

@@ -58,7 +58,7 @@ class TaskController:
     def reset(self, seed: int) -> None:
         """Begin an episode; the exploration noise starts from `seed`."""
         self.task.tick.reset()
-        self._exploring = self.task.beginning(seed)[2]
+        self._exploring, self._drawn = self.task.beginning(seed)[2], 0
         self._last: tuple[RobotState, Array] | None = None  # the state before, and the input there
 
     @property
@@ -143,7 +143,7 @@ class TaskController:
         LgV = seen.nominal_a[0] if self.problem.has_clf else np.zeros(self.problem.inputs)
         self.estimates = estimates = self._estimates(x, p, seen, LgV)
         self.decided = decided = tick.decide(x, p, estimates)
-        values, omega = decided.values, self.sigma * self._exploring.standard_normal(self.problem.inputs)
+        values, omega = decided.values, self.sigma * self._noise(state.tick)
         mu = decided.mu + omega
         u: Array = values.control_a @ mu + values.control_b
         if np.abs(u).max() > self._limit:
@@ -166,6 +166,13 @@ class TaskController:
             **{"status": decided.status, "answered": decided.is_by(tick.answer.solver)},
             "solve_seconds": decided.seconds,
         }
+
+    def _noise(self, tick: int) -> Array:
+        """Of this tick of the episode, (m,): the same whether or not the ticks before it were seen."""
+        for _ in range(self._drawn, min(tick, self.task.ticks)):
+            self._exploring.standard_normal(self.problem.inputs)
+        self._drawn = max(self._drawn, min(tick, self.task.ticks)) + 1
+        return self._exploring.standard_normal(self.problem.inputs)
 
     @cached_property
     def _measure(self) -> NumpyFunction | None:

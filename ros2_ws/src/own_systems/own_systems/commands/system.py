@@ -263,13 +263,14 @@ def check(
     or a tick is lost."""
     loaded = load(task)
     from rabbit_recording import RecordingError
-    from rabbit_recording.reader import iterate_inventories
+    from rabbit_recording.reader import iterate_inventories, messages
 
     from own_systems.recording import differing
 
     with complaints(RecordingError):
         count, wrong, furthest = differing(loaded, recording)
-        lost = sum(each.lost for each in iterate_inventories(recording))
+        answered = {(m.episode, m.tick) for _, m in messages(recording, "torque")}
+        lost = max(sum(episode.lost for episode in iterate_inventories(recording)), len(answered) - count)
     said = f"{len(wrong)} differ, by up to {furthest:.3g}, in ticks {wrong[:5]}" if wrong else "inputs identical"
     print(f"{count} ticks replayed, {lost} lost, {said}")
     if wrong or lost:

@@ -10,7 +10,7 @@ from typing import Any
 import typer
 from rabbit_common import exit_codes
 from rabbit_common.executables import LaunchError, find_executable
-from rabbit_common.options import Defaults, Given, complaints, options
+from rabbit_common.options import Defaults, Given, complaints, fail, option_name, options
 from rabbit_common.own_folder import new_folder
 from rabbit_description.atomic_file import first_free
 from rabbit_experiments.commands.evaluate import given_assembly
@@ -42,6 +42,8 @@ def walk(given: Given) -> None:
 def prepare(given: Given) -> WalkSettings:
     """The walk that is asked for; makes its folder. Ends the command if it cannot be."""
     options = given.build(WalkOptions)
+    if options.task:
+        return walk_of_task(options, given)
     if options.is_foreign:
         options, given = with_foreign_controller(options, given)
     assembly = assembly_of_nodes(given, options.policy, options.parameters)
@@ -55,6 +57,24 @@ def prepare(given: Given) -> WalkSettings:
         port = options.view_port
         print(f"open http://127.0.0.1:{port} in a browser" if port else "the page: see log/viewer.log")
     return walk
+
+
+def walk_of_task(options: WalkOptions, given: Given) -> WalkSettings:
+    """Of a control task, whose plant and controllers are its own."""
+    from rabbit_description.task import TaskError
+    from rabbit_description.task_source import load_task
+    from rl_cbf_clf_controller.task_controller import NOMINAL, TaskController
+
+    if others := sorted(set(given.values) - set(WalkOptions.model_fields)):
+        fail(f"{option_name(others[0])} beside --task: expected options of the walk alone")
+    if options.view:
+        fail("--view beside --task: expected `rabbit play --task`")
+    policy = options.policy or NOMINAL
+    with complaints(TaskError):
+        TaskController(load_task(options.task)).controlling(policy)
+    whole = options.model_copy(update={"task": str(Path(options.task).absolute())})
+    parts = {"simulation": SimulationParameters(), "controller": ControllerParameters()}
+    return WalkSettings(folder=make_folder(options), options=whole, policy=policy, **parts)
 
 
 def with_foreign_controller(options: WalkOptions, given: Given) -> tuple[WalkOptions, Given]:
@@ -112,7 +132,8 @@ def walk_with_progress(walk: WalkSettings, ended: Callable[[Any], None]) -> Any:
 
     def show(now: Any) -> None:
         episode = f"episode {now.episode}, " if walk.options.episodes > 1 else ""
-        description = f"{episode}stone {now.stone} of {now.stones},"
+        done = f"{now.ticks} ticks" if walk.options.task else f"stone {now.stone} of {now.stones},"
+        description = f"{episode}{done}"
         bar.update(task, description=description, total=now.stones, completed=now.stone, text=figures_of(now))
 
     said = TextColumn("{task.description} {task.fields[text]}")

@@ -12,6 +12,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 from rabbit_common.executables import NAMESPACE
+from rabbit_description import ABOUT_TASK
 from rabbit_estimator.parameters import EstimatorParameters
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_viewer.page import PORT
@@ -31,6 +32,7 @@ class WalkOptions(BaseModel):
     controller: str = Field(
         "", description="controller by name, PACKAGE/EXECUTABLE of another node, or none: you start one yourself"
     )
+    task: str = Field("", description=f"in RABBIT's place {ABOUT_TASK}")
     out: Path | None = Field(None, description="folder for all that the walk leaves (default: runs/DATE-seed-SEED)")
     seed: int = Field(1, ge=0, le=2**63 - 1, description="seed of course, first state and noise")
     episodes: int = Field(1, ge=1, le=MOST_EPISODES, description="episodes, their seeds counting up")
@@ -124,7 +126,9 @@ class WalkSettings(BaseModel):
     def parameters(self) -> dict[str, dict[str, Any]]:
         """Of each node."""
         options, simulation, controller = self.options, self.simulation.model_dump(), self.controller.model_dump()
-        priority = {"priority": options.priority}
+        of_task = {"task": options.task}
+        priority, problem = {"priority": options.priority}, str(self.controller.problem)
+        of_robot = {"plant": json.dumps(simulation), "policy": self.policy, "problem": problem}  # the trainer's
         by_node: dict[str, dict[str, Any]] = {
             "simulator": {
                 "seed": options.seed,
@@ -133,26 +137,23 @@ class WalkSettings(BaseModel):
                 "real_time": options.real_time,
                 "pace": float(options.view) if options.pace is None else options.pace,
                 **priority,
-                "gait": self.controller.gait,
-                **simulation,
+                **(of_task if options.task else {"gait": self.controller.gait, **simulation}),
             },
             "controller": {
                 "policy": self.policy,
                 "swap_at": options.swap_at,
                 **priority,
-                **controller,
+                **(of_task if options.task else controller),
             },
             "estimator": {**priority, **EstimatorParameters.knowing(self.simulation).model_dump(exclude_unset=True)},
             "trainer": {
                 "plan_episodes": options.learns_between,
                 "folder": str(self.folder / "training"),
-                "plant": json.dumps(simulation),
-                "policy": self.policy,
-                "problem": str(self.controller.problem),
                 "seed": options.seed,
+                **(of_task if options.task else of_robot),
                 **self.training,
             },
-            "recorder": {"path": str(self.folder / "recording")},
+            "recorder": {"path": str(self.folder / "recording"), "topics": ["parameters"] if options.task else []},
             "viewer": {"port": options.view_port, "wait": 0.0},
         }
         if options.is_foreign:

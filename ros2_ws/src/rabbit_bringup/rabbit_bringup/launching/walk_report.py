@@ -10,6 +10,7 @@ from pydantic_core import to_json
 from rabbit_common import exit_codes
 from rabbit_common.executables import LaunchError
 from rabbit_common.exit_codes import ExitCode, Interrupted
+from rabbit_description.plugins import load
 from rabbit_recording import RecordingError
 
 from rabbit_bringup.launching.walk import WalkSettings
@@ -42,17 +43,18 @@ def carry_out(walk: WalkSettings, run: Callable[[Ended], Any]) -> int:
     counted = exit_codes.counted(outcomes)
     print(f"written to {walk.folder}")
     others = f"; torques of {refused[0]} were refused" if refused else ""
-    print(f"{code.word}: {counted.count('walked')} of {len(counted)} episodes walked{others}", flush=True)
+    walked = counted.count("walked") + counted.count("done")
+    print(f"{code.word}: {walked} of {len(counted)} episodes walked{others}", flush=True)
     return code
 
 
 def line(episode: Any) -> str:
     """How an episode ended."""
     reason = f" ({episode.reason})" if episode.reason else ""
-    stones = f"{episode.touchdowns - (episode.outcome == 'miss')} of {episode.stones} stones"
+    stones = f"{episode.touchdowns - (episode.outcome == 'miss')} of {episode.stones} stones, " * bool(episode.stones)
     refused, controller = episode.refused_controller, episode.controller or "a controller without a name"
     two = f"; two controllers answered: {controller} walked, torques of {refused} were refused" if refused else ""
-    ended = f"{episode.outcome}{reason}, {stones}, {episode.tick} ticks{two}"
+    ended = f"{episode.outcome}{reason}, {stones}{episode.tick} ticks{two}"
     return f"episode {episode.episode}, seed {episode.seed}: {ended}"
 
 
@@ -63,6 +65,12 @@ def complain(text: object) -> None:
 
 def _leave(walk: WalkSettings, code: ExitCode, seconds: float) -> None:
     """Summary, pictures and film from the recording."""
+    if walk.options.task:
+        if walk.options.pictures:
+            load("rabbit.tasks", "plot")(
+                walk.folder / "recording", walk.options.task, walk.folder / "pictures", None, "png"
+            )
+        return
     try:
         summary = write_summary(walk, walk.folder / "recording", code, seconds)
     except RecordingError as error:

@@ -95,14 +95,18 @@ class WalkMonitor(GraphClient):
 
     def not_ready(self, nodes: list[str]) -> dict[str, str]:
         """Which of the nodes are not ready, and what they say; and topics that do not reach all who need them."""
-        silent: tuple[str, ...] = ()
-        if self._options.is_foreign:  # it says nothing of itself, and the recorder waits for what it does not publish
-            nodes, silent = [name for name in nodes if name != "controller"], ("recorder",)
+        is_foreign, is_task = self._options.is_foreign, bool(self._options.task)
+        silent = ("recorder",) if is_foreign or is_task else ()  # it waits for what neither publishes
+        if is_foreign:  # it says nothing of itself
+            nodes = [name for name in nodes if name != "controller"]
         said = {name: self._said.get(name, UNHEARD) for name in nodes if name not in silent}
         told: dict[str, int] = {}
         for status in said.values():
             told |= reader_counts(status)
-        alone = dict.fromkeys(missing_readers([*nodes, "launcher"], told, self._others(nodes)), "too few readers")
+        missing = missing_readers([*nodes, "launcher"], told, self._others(nodes))
+        if is_task:  # which has no stones to tell of
+            missing = [topic for topic in missing if topic in told]
+        alone = dict.fromkeys(missing, "too few readers")
         return {name: s.message for name, s in said.items() if s.level != DiagnosticStatus.OK} or alone
 
     def _others(self, nodes: list[str]) -> dict[str, int]:

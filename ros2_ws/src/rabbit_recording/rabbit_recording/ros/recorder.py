@@ -21,6 +21,7 @@ from rabbit_common.priority import give_way
 from rabbit_common.ros.checked_node import CheckedNode
 from rabbit_common.ros.diagnostics import ERROR, OK, WARN, Diagnostics, Status
 from rabbit_common.ros.parameters import declare, refuse_unknown
+from rabbit_common.ros.qos import TICK
 from rabbit_common.ros.spin import run, steady_timer
 from rabbit_common.ros.topics import TOPICS, Topic, published_by
 from rabbit_description.atomic_file import first_free
@@ -101,7 +102,8 @@ class RecorderNode(CheckedNode):
         package, _, kind = end.topic_type.split("/")
         if end.topic_type not in self._types.fielddefs:
             add_types(self._types, Path(get_package_share_directory(package)))
-        qos = QoSProfile(depth=BACKLOG, reliability=end.qos_profile.reliability, durability=end.qos_profile.durability)
+        depth = max(BACKLOG, TICK.depth)  # the publisher's is not known
+        qos = QoSProfile(depth=depth, reliability=end.qos_profile.reliability, durability=end.qos_profile.durability)
         type_of = getattr(import_module(f"{package}.msg"), kind)
         self._readers[name] = self._subscribe(Topic(name, type_of, qos, "", publisher="all"))
 
