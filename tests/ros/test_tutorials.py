@@ -26,7 +26,9 @@ SHORTER = {
         "rabbit policy load": "--timeout 120",
     },
     "ros2_ws/src/rabbit_experiments/README.md": {},
-    "docs/own_system.md": {"rabbit system train": "--episodes 1", "rabbit system evaluate": "--rides 1"},
+    "docs/own_system.md": {
+        **{"rabbit train": "--episodes 1", "rabbit evaluate": "--rides 1", "rabbit benchmark": "--rides 1"},
+    },
     "docs/tutorials/notebook.md": {"python examples/notebook.py": COURSES, "rabbit walk": WALK},
     "docs/tutorials/own_learner.md": {"python": "--episodes 5 --steps 4"},
     "docs/tutorials/own_node.md": {"rabbit walk": WALK},
