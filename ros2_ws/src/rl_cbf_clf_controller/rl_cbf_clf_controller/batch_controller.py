@@ -20,13 +20,7 @@ from rl_cbf_clf_controller.controller_parts import ControllerParts
 from rl_cbf_clf_controller.policy import ActorPolicy, LearnedPolicy, Policy, ZeroPolicy
 from rl_cbf_clf_controller.residual_policy import Memory, ResidualPolicy
 from rl_cbf_clf_controller.scene import Estimator
-from rl_cbf_clf_controller.step import (
-    DQ,
-    FARTHEST_STONE,
-    HIGHEST_STONE,
-    NEVER,
-    Q,
-)
+from rl_cbf_clf_controller.step import DQ, FARTHEST_STONE, HIGHEST_STONE, NEVER, Q
 from rl_cbf_clf_controller.step_rows import StepRows
 
 if TYPE_CHECKING:
@@ -34,18 +28,8 @@ if TYPE_CHECKING:
 
 NO_NOISE = np.zeros(JOINTS)
 NO_STONE = astuple(StonePreview(0, np.nan, np.nan, np.nan))
-BEGUN = (
-    "stance",
-    "index",
-    "start",
-    "seconds",
-    "has_begun",
-    "path",
-    "phase_scale",
-    "steps",
-    "place",
-    "moved",
-    "carries",
+BEGUN = (  # of a memory: what is known since the step began
+    *("stance", "index", "start", "seconds", "has_begun", "path", "phase_scale", "steps", "place", "moved", "carries"),
 )
 
 
