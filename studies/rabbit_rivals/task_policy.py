@@ -157,11 +157,11 @@ class TaskVectorEnv(VectorEnv[Array, Array, Array]):
     def _begin(self, i: int) -> None:
         self._x[i], self._commands[i], _ = self.task.beginning(int(self._rng.integers(2**32)))
         self._ticks[i] = 0
-        self._p[i] = self.task.parameters_at({}, self._commands[i](0.0))
+        self._p[i] = self.task.parameters_at({}, self._commands[i](0.0, 0))
 
     def _parameters(self, of_plant: Any) -> Array:
         at = zip(self._commands, (self._ticks * self.task.seconds).tolist(), strict=True)
-        return np.array([self.task.parameters_at(of_plant, commands(time)) for commands, time in at])
+        return np.array([self.task.parameters_at(of_plant, commands(time, 0)) for commands, time in at])
 
     def _seen(self) -> tuple[Array, Array, Array]:
         """What is read (N, r), V (N,), and the barriers' values (N, b)."""

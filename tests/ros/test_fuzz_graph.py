@@ -194,7 +194,7 @@ def test_the_controller_of_a_task_before_a_robot(world: Any) -> None:
     assert stranger.ask("load_policy", policy="zero").success
     task = load_task(str(SEGWAY))
     x, commanded, _ = task.beginning(0)
-    p, zeros = task.parameters_at({}, commanded(0.0)), [0.0] * len(x)
+    p, zeros = task.parameters_at({}, commanded(0.0, 0)), [0.0] * len(x)
     sound = {
         "joint_states": JointState(name=task.names_of_q, position=x, velocity=zeros),
         "parameters": TaskParameters(**parameter_fields(task, p)),

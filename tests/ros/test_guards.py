@@ -122,7 +122,7 @@ def test_a_state_of_an_episode_that_never_was_makes_no_controller_deaf() -> None
         hears = {each.topic_name: each.callback for each in node.subscriptions}
         x, commands, _ = task.beginning(1)
         turn = {"episode": 1, "tick": 0}
-        now = task.parameters_at({}, commands(0.0))
+        now = task.parameters_at({}, commands(0.0, 0))
         state = measured_fields(task_state(task, x, now, np.full(1, math.nan)))
         p = parameter_fields(task, now)
         for topic, message in (

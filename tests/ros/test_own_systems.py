@@ -141,7 +141,7 @@ def test_what_is_wrong_is_refused_and_counted(world: Any) -> None:
     x, commands, _ = task.beginning(SEED)
     turn = {"episode": 1, "tick": 0}
     state = msg.RobotState(**turn, **measured_fields(task_state(task, x, np.zeros(0), np.zeros(2))))
-    parameters = msg.TaskParameters(**turn, **parameter_fields(task, task.parameters_at({}, commands(0.0))))
+    parameters = msg.TaskParameters(**turn, **parameter_fields(task, task.parameters_at({}, commands(0.0, 0))))
     say["episode"].publish(msg.Episode(episode=1, joints=["left_hip"]))
     applied = [0.0] * 2
     say["state"].publish(msg.RobotState(**turn, running=True, q=[0.0] * 7, dq=[0.0] * 7, applied=applied))

@@ -41,7 +41,7 @@ class Arm:
 
     def p(self, of_plant):
         """At this tick."""
-        return self.task.parameters_at(of_plant, self.commands(self.k * self.task.seconds))
+        return self.task.parameters_at(of_plant, self.commands(self.k * self.task.seconds, 0))
 
     def step(self, u):
         """A tick."""
