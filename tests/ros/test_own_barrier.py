@@ -82,7 +82,7 @@ BEFORE = -2  # the policy of the last but one episode of the training
 def walk_and_swap(rabbit: Rabbit, folder: Path, policy: Path) -> Path:
     """A walk with the policy of the last but one episode, in which the last one is loaded; returns its recording."""
     earlier = sorted((policy.parent / "policies").glob("*.safetensors"))[BEFORE]
-    walk = ("--controller", NAME, *HEAVY, "--stones", 8, "--episodes", 4, "--seed", 9, "--pace", 1, "--no-trainer")
+    walk = ("--controller", NAME, *HEAVY, "--stones", 8, "--episodes", 8, "--seed", 9, "--pace", 1, "--no-trainer")
     with ThreadPoolExecutor() as pool:
         walking = pool.submit(rabbit, "walk", *walk, "--policy", earlier, "--out", folder)
         while not walking.done() and sum(file.stat().st_size for file in folder.glob("recording/*.mcap")) < UNDER_WAY:
