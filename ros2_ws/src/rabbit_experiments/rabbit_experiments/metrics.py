@@ -166,11 +166,11 @@ class BatchColumns(TickColumns):
         super().__init__(one.barrier_names)
         at = one.output_places
         tick, step, self._stance, _, _, V, self._solved, slack, rescue = at.scalars
-        self._of_report = np.r_[tick, step, V, slack, rescue, one.acted_at[2], one.places["command"]]
-        self._of_report = np.r_[(self._of_report, *(at.arrays[name] for name in ("eta", "barriers", "barrier_rates")))]
-        places = self.layout.places
-        told = "tick", "step", "V", "slack", "rescue", "saturated", "torque", "eta", "B", "B_rate"
-        self._into = np.r_[tuple(places[name][0] for name in told)]
+        copied = {"tick": tick, "step": step, "V": V, "slack": slack, "rescue": rescue, "saturated": one.acted_at[2]}
+        copied |= {"torque": one.places["command"], "eta": at.arrays["eta"]}
+        copied |= {"B": at.arrays["barriers"], "B_rate": at.arrays["barrier_rates"]}
+        self._of_report = np.r_[tuple(copied.values())]
+        self._into = np.r_[tuple(self.layout.places[name][0] for name in copied)]
         self._margin, self._solver = at.margin, one.parameters.qp_solver
         self._is_in = np.array([[qp_row(name) == row for row in ROWS] for name in one.qp.layout.names])
 

@@ -39,9 +39,9 @@ class RideRow(BaseModel):
 
 @dataclass(frozen=True)
 class TaskRide(Job):
-    """A ride under a controller by its name, or a policy's file. `plant`: what is true in place of the task's `true`.
+    """A ride under a controller, given by its name or as a policy's file.
 
-    `files`: of which the task is made.
+    `plant`: the true parameters in place of the task's `true`; `files`: those that the task is made of.
     """
 
     task: str

@@ -47,8 +47,7 @@ def evaluate(
     """Ride many seeded episodes under each controller: which kept every barrier, and by how much."""
     from rabbit_experiments.task_rides import rides_of, summarise
 
-    loaded, names = load(task), controller.split(",")
-    check_names(loaded, names)
+    loaded, names = chosen(task, controller)
     asked = rides_of(task, names, rides, seed)
     folder, rows = walked(asked, out, "evaluate", jobs)
     ridden = {name: rows[i * rides : (i + 1) * rides] for i, name in enumerate(names)}
@@ -69,34 +68,34 @@ def benchmark(
     """Ride on many plants: each true parameter from nominal to twice as far off as it is, the others nominal; then
     all."""
     from rabbit_description.atomic_file import replace_text
+    from rabbit_experiments.tables import markdown_table
     from rabbit_experiments.task_rides import plants_of, rides_of, summarise
 
-    loaded, names = load(task), controller.split(",")
-    check_names(loaded, names)
+    loaded, names = chosen(task, controller)
     if not (plants := plants_of(loaded)):
         fail(f"task {loaded.name}: expected true parameters that differ from the nominal ones")
     asked = [ride for plant in plants.values() for ride in rides_of(task, names, rides, seed, plant)]
     folder, rows = walked(asked, out, "benchmark", jobs)
-    lines = [f"# {loaded.name}: rides that kept all, of {rides}, with Wilson's interval; seed {seed}", ""]
-    lines += [f"| plant | {' | '.join(Path(name).stem for name in names)} |", "|---" * (1 + len(names)) + "|"]
-    at = iter(rows)
-    for plant in plants:
-        of_each = [summarise(loaded, [next(at) for _ in range(rides)]) for _ in names]
-        cells = [f"{of['kept']} {interval(of['kept_ci95'], 2)}" for of in of_each]
-        lines.append(f"| {plant} | {' | '.join(cells)} |")
-    print(*lines, sep="\n")
-    replace_text(folder / "benchmark.md", "\n".join(lines) + "\n")
+    summaries = [summarise(loaded, rows[start : start + rides]) for start in range(0, len(rows), rides)]
+    kept = iter([f"{summary['kept']} {interval(summary['kept_ci95'], 2)}" for summary in summaries])
+    table = [[plant, *(next(kept) for _ in names)] for plant in plants]
+    title = f"# {loaded.name}: rides that kept all, of {rides}, with Wilson's interval; seed {seed}"
+    page = f"{title}\n\n{markdown_table(['plant', *(Path(name).stem for name in names)], table)}"
+    print(page, end="")
+    replace_text(folder / "benchmark.md", page)
     print(f"written {folder}")
 
 
-def check_names(task: "ControlTask", names: "Sequence[str]") -> None:
-    """Ends the command where one is no controller."""
+def chosen(task: str, controller: str) -> "tuple[ControlTask, list[str]]":
+    """The task, and the names of its controllers; ends the command where one is no controller."""
     from rl_cbf_clf_controller.task_controller import TaskController
 
-    made = TaskController(task)
+    loaded, names = load(task), controller.split(",")
+    made = TaskController(loaded)
     with complaints(ValueError):
         for name in names:
             made.controlling(name)
+    return loaded, names
 
 
 def walked(
@@ -235,21 +234,16 @@ def play(
     browser: Annotated[bool, typer.Option(help="open the page in a browser")] = True,
 ) -> None:
     """Watch two controllers ride side by side in the browser, and change the true system as they do."""
-    loaded = load(task)
+    loaded, names = chosen(task, controller)
     from rabbit_viewer.page import PageError
     from rabbit_viewer.play import playing
     from rabbit_viewer.play.serving import serve
     from rabbit_viewer.play.settings import PlayError
-    from rl_cbf_clf_controller.task_controller import TaskController
 
     from own_systems.play import Start, TaskPlayer, check_asked, settings_of
 
-    made, names = TaskController(loaded), tuple(controller.split(","))
-    with complaints(ValueError):
-        for name in names:
-            made.controlling(name)
     with complaints(PageError, PlayError):
-        start = Start(task, names, seed)
+        start = Start(task, tuple(names), seed)
         passes = partial(check_asked, settings_of(loaded, start))
         serve(passes, partial(playing.play, TaskPlayer), start, port, browser)
 

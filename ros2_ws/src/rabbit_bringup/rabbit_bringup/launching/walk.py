@@ -32,7 +32,7 @@ class WalkOptions(BaseModel):
     controller: str = Field(
         "", description="controller by name, PACKAGE/EXECUTABLE of another node, or none: you start one yourself"
     )
-    task: str = Field("", description=f"in RABBIT's place {ABOUT_TASK}")
+    task: str = Field("", description=f"walk a task in RABBIT's place: {ABOUT_TASK}")
     out: Path | None = Field(None, description="folder for all that the walk leaves (default: runs/DATE-seed-SEED)")
     seed: int = Field(1, ge=0, le=2**63 - 1, description="seed of course, first state and noise")
     episodes: int = Field(1, ge=1, le=MOST_EPISODES, description="episodes, their seeds counting up")
