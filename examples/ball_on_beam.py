@@ -15,7 +15,7 @@ from collections.abc import Mapping
 import casadi as ca
 import numpy as np
 from cbf_clf_qp import Barrier, Clf, System
-from own_systems import ControlTask, Disc, Line, Shape
+from rabbit_description.task import ControlTask, Disc, Line, Shape
 
 LIMIT, LENGTH, RADIUS = 0.4, 0.5, 0.03  # m: of r, of half the beam, of the ball
 GRAVITY, INERTIA = 9.81, 0.02  # m/s^2, kg m^2

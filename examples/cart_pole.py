@@ -12,7 +12,7 @@ from collections.abc import Mapping
 import casadi as ca
 import numpy as np
 from cbf_clf_qp import Barrier, Clf, mechanical
-from own_systems import Commands, ControlTask, Disc, Line, Shape
+from rabbit_description.task import Commands, ControlTask, Disc, Line, Shape
 
 LENGTH, GRAVITY, AHEAD = 0.8, 9.81, 0.25  # m; m/s^2; T, s
 q, dq, force = ca.SX.sym("q", 2), ca.SX.sym("dq", 2), ca.SX.sym("force")

@@ -10,7 +10,7 @@ from functools import partial
 import casadi as ca
 import numpy as np
 from cbf_clf_qp import Barrier, Clf, mechanical
-from own_systems import ControlTask, Disc, Line, Shape
+from rabbit_description.task import ControlTask, Disc, Line, Shape
 
 LENGTH, MASS, INERTIA, GRAVITY, RIM = 0.5, 2.0, 0.025, 9.81, 0.15  # m; of a link, kg; / its mass, m^2; m/s^2; m
 

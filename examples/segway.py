@@ -13,7 +13,7 @@ from collections.abc import Mapping
 import casadi as ca
 import numpy as np
 from cbf_clf_qp import Barrier, Clf, System
-from own_systems import Commands, ControlTask, Disc, Line, Shape
+from rabbit_description.task import Commands, ControlTask, Disc, Line, Shape
 
 LIMIT, HEIGHT, AHEAD, RATE, GRAVITY = 3.0, 1.2, 4.0, 4.0, 9.81  # m/s; m; m/s a radian of lean; 1/s; m/s^2
 RADIUS, WHEELS = 0.2, 12.0  # m, kg

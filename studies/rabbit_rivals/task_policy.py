@@ -18,9 +18,8 @@ from cbf_clf_qp.functions import Array, NumpyFunction, Values
 from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
-from own_systems import ControlTask, TaskError
 from pydantic import Field
-from rabbit_description.task import Moved, OwnController
+from rabbit_description.task import ControlTask, Moved, OwnController, TaskError
 from rabbit_residual.fleet import Rollout
 from rabbit_residual.ppo import Ppo, PpoParameters
 from rl_cbf_clf_controller.network import Actor

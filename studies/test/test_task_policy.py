@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from own_cart import CART
-from own_systems import TaskError
-from own_systems.commands.system import app as system
-from own_systems.recording import differing, write_ride
+from rabbit_bringup.cli import app as rabbit
+from rabbit_description.task import TaskError
 from rabbit_description.task_source import load_task
+from rabbit_recording.task_recording import differing, write_ride
 from rabbit_rivals import task_policy
 from rabbit_rivals.commands.rival import app as rival
 from rabbit_rivals.task_policy import BROKEN, PER_TICK, TaskVectorEnv
@@ -76,8 +76,8 @@ def test_a_trained_file_rides_in_the_same_evaluation_and_its_recording_replays(c
     said = CliRunner().invoke(rival, ["task", str(cart), "--out", str(out), "--ticks", "5000"])
     assert said.exit_code == 0, said.output
     names = f"nominal,ppo:{out}"
-    words = ["evaluate", str(cart), "--controller", names, "--rides", "2", "--out", str(tmp_path / "e")]
-    said = CliRunner().invoke(system, words)
+    words = ["evaluate", "--task", str(cart), "--controller", names, "--rides", "2", "--out", str(tmp_path / "e")]
+    said = CliRunner().invoke(rabbit, words)
     assert said.exit_code == 0, said.output
     assert f"ppo:{out}" in json.loads((tmp_path / "e" / "summary.json").read_text())
     task = load_task(str(cart))

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 from chromium import Chromium
-from own_systems.page import show
 from rabbit_description.task_source import load_task
+from rabbit_viewer.page.ride import show_ride
 from rl_cbf_clf_controller.task_controller import TaskController
 from rl_trainer.task_episode import ride_of
 from served import Served
@@ -23,7 +23,7 @@ INK = """(() => {
 @pytest.fixture
 def played() -> Iterator[str]:
     """The address of a played task."""
-    served = Served("system", "play", CART_POLE)
+    served = Served("play", "--task", CART_POLE)
     yield served.address
     assert served.end() == 0
 
@@ -52,7 +52,7 @@ def test_a_task_rides_and_a_person_changes_it(chromium: Chromium, played: str) -
 
 def test_a_ride_in_one_file(chromium: Chromium, tmp_path: Path) -> None:
     ride = ride_of(TaskController(load_task(CART_POLE)), "oracle", 3)
-    show(ride, 0, False, tmp_path / "ride.html")
+    show_ride(ride, 0, False, tmp_path / "ride.html")
     page = chromium.open((tmp_path / "ride.html").as_uri(), offline=True)
     page.wait("rabbit.state.pictures > 5")
     page.look("rabbit.clock.seek(500)")

@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 from cbf_clf_qp import Clf, System
 from cbf_clf_qp.functions import NumpyFunction
-from own_systems import ControlTask, Impact, Limit, TaskError
-from own_systems.recording import differing, recorded_ride, write_ride
 from planar_robot import PlanarPlant, dynamics_of
 from rabbit_description import URDF_PATH
 from rabbit_description.planar_urdf import scaled
 from rabbit_description.state import Leg
+from rabbit_description.task import ControlTask, Impact, Limit, TaskError
 from rabbit_description.task_source import load_task
 from rabbit_description.task_state import p_of
 from rabbit_gait_design.hybrid_zero_dynamics import RepeatedStep, Walker
 from rabbit_gait_design.pinocchio_model import PinocchioModel
 from rabbit_recording.contents import contents
+from rabbit_recording.task_recording import differing, recorded_ride, write_ride
 from rl_cbf_clf_controller.planar_walker import read_walker
 from rl_cbf_clf_controller.task_controller import TaskController
 from rl_trainer.task_episode import ride_of

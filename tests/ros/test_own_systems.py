@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
-from own_systems import ControlTask
 from rabbit_command import rabbit
 from rabbit_common.ros.qos import EVENT, TICK
 from rabbit_common.task_messages import measured_fields, parameter_fields
+from rabbit_description.task import ControlTask
 from rabbit_description.task_simulation import TaskSimulation
 from rabbit_description.task_source import load_task
 from rabbit_description.task_state import layout_of, task_state
@@ -211,7 +211,7 @@ def test_a_teleoperated_arm_cannot_be_driven_into_the_obstacle(world: Any, arm: 
 ROVER = """
 import casadi as ca
 from cbf_clf_qp import Barrier, System
-from own_systems import ControlTask
+from rabbit_description.task import ControlTask
 
 x, y, yaw, v, w = (ca.SX.sym(name) for name in ("x", "y", "yaw", "v", "w"))
 ahead = ca.vertcat(x + 0.3 * ca.cos(yaw), y + 0.3 * ca.sin(yaw))

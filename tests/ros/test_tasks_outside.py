@@ -21,11 +21,11 @@ setup(
 """
 PACKAGE_XML = """<package format="3">
 <name>my_tasks</name><version>1.0.0</version><description>Tasks of mine</description>
-<maintainer email="me@example.com">me</maintainer><license>MIT</license><exec_depend>own_systems</exec_depend>
+<maintainer email="me@example.com">me</maintainer><license>MIT</license><exec_depend>rabbit_experiments</exec_depend>
 <export><build_type>ament_python</build_type></export></package>"""
 GRAPH = """
 source {install}/local_setup.bash
-rabbit system evaluate mine_segway --rides 1
+rabbit evaluate --task mine_segway --rides 1
 {controller} --ros-args -r __ns:=/outside -p task:=mine_cart_pole -p policy:=oracle & controller=$!
 {simulator} --ros-args -r __ns:=/outside -p task:=mine_cart_pole -p episodes:=1 > said 2>&1 & simulator=$!
 for _ in {{1..600}}; do grep -q "episode 1 ends, done" said && break; sleep 0.2; done

@@ -32,7 +32,7 @@ serve() (  # until it serves
 python() { command python "$@" $(more python "$@"); }
 rabbit() {
   case "$1 ${2-}" in
-  "play "* | "view "* | "system play" | "bag show") serve command rabbit "$@" ;;
+  "play "* | "view "* | "bag show") serve command rabbit "$@" ;;
   "walk "*) command rabbit "$@" $(more rabbit "$@") || [ $? = 1 ] ;; # a fall is a walk's result
   *) command rabbit "$@" $(more rabbit "$@") ;;
   esac

@@ -33,9 +33,8 @@ FOLDERS = {
     "residual": ("--ticks", 1),
     "bag plot": ("none.mcap",),
     "walk": (),
-    "system evaluate": (CART_POLE, "--rides", 1),
-    "system benchmark": (CART_POLE, "--rides", 1, "--jobs", 1),
-    "system ride": (CART_POLE,),
+    "evaluate, of a task": ("--task", CART_POLE, "--rides", 1),
+    "benchmark, of a task": ("--task", CART_POLE, "--rides", 1, "--jobs", 1),
     "soak": (),
     "jitter": (),
 }
@@ -45,7 +44,7 @@ FILES = {
     "estimates": ("rl-cbf-clf-qp",),
     "rival gp": ("session",),
     "rival task": (CART_POLE,),
-    "system train": (CART_POLE,),
+    "train, of a task": ("--task", CART_POLE),
 }
 
 

@@ -4,9 +4,8 @@ from pathlib import Path
 
 import pytest
 from own_cart import CART
-from own_systems import TaskError
-from own_systems.commands.system import app
-from rabbit_bringup.cli import app as rabbit
+from rabbit_bringup.cli import app
+from rabbit_description.task import TaskError
 from rabbit_description.task_source import load_task
 from rl_cbf_clf_controller.task_controller import TaskController
 from rl_trainer.task_episode import ride_of
@@ -36,7 +35,7 @@ def test_an_error_in_a_task_names_file_and_line(tmp_path: Path, old: str, new: s
     assert str(path) in str(error.value)
     assert said in str(error.value)
     assert "\n" not in str(error.value)
-    result = CliRunner().invoke(app, ["evaluate", str(path), "--rides", "1"])
+    result = CliRunner().invoke(app, ["evaluate", "--task", str(path), "--rides", "1"])
     assert result.exit_code == 2
     assert result.output.count("\n") == 1
     assert said.rstrip("`") in result.output
@@ -58,11 +57,10 @@ def test_task_is_an_option_of_what_evaluates_rabbit_too(tmp_path: Path) -> None:
     words = ["--runs", "1", "--seed", "3", "--out"]
     ways = {"option": ["evaluate", *words, str(tmp_path / "option"), "--task", str(BALL)]}
     ways["equals"] = ["evaluate", f"--task={BALL}", *words, str(tmp_path / "equals")]
-    ways["system"] = ["system", "evaluate", str(BALL), *words, str(tmp_path / "system")]
     for way in ways.values():
-        result = CliRunner().invoke(rabbit, way)
+        result = CliRunner().invoke(app, way)
         assert result.exit_code == 0, result.output
     tables = {(tmp_path / name / "runs.csv").read_text() for name in ways}
     assert len(tables) == 1
-    missing = CliRunner().invoke(rabbit, ["evaluate", "--task"])
-    assert (missing.exit_code, "expected a file" in missing.output) == (2, True)
+    missing = CliRunner().invoke(app, ["evaluate", "--task"])
+    assert (missing.exit_code, "--task" in missing.output) == (2, True)

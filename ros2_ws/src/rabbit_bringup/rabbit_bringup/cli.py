@@ -24,14 +24,13 @@ import typer
 from rabbit_common.exit_codes import Interrupted, of_interrupt
 from typer.core import TyperCommand, TyperGroup
 
-GROUP = "rabbit.commands"
+GROUP, OF_TASKS = "rabbit.commands", "rabbit.task_commands"  # those of tasks are functions, not apps
 # as the help text lists them; those of other packages follow by name
 ORDER = (
-    *("play", "walk", "view", "run", "evaluate", "system", "benchmark", "misses", "speed", "reproduce"),
+    *("play", "walk", "view", "run", "evaluate", "benchmark", "misses", "speed", "reproduce"),
     *("gait", "train", "scales", "policy", "export", "estimates", "estimator", "rival", "residual"),
     *("bench", "jitter", "soak", "bag", "video"),
 )
-OF_TASKS = ("evaluate", "benchmark", "train", "play")  # which take a `--task`
 TASK_HELP = "run a control task of your own instead of RABBIT; for its options: --task TASK --help"
 # what `pip install` leaves out unless asked: who only walks needs none of it
 EXTRAS = {"torch": "rl_trainer[learn]", "imageio_ffmpeg": "rabbit_viewer[film]"}
@@ -66,14 +65,25 @@ def loaded(command: EntryPoint) -> Any:
     """The command itself, whose module is imported."""
     from rabbit_common.options import in_one_form  # which takes a while
 
-    found = typer.main.get_command(command.load())
-    if command.name in OF_TASKS:
+    app = command.load()
+    if command.group == OF_TASKS:
+        shown = typer.Typer(add_completion=False)
+        shown.command(command.name)(app)
+        return in_one_form(typer.main.get_command(shown))
+    found = typer.main.get_command(app)
+    if command.name in task_commands():
         found.params.append(task_option())
     return in_one_form(found)
 
 
+@cache
+def task_commands() -> dict[str, EntryPoint]:
+    """What a command does with `--task`, by its name."""
+    return {entry.name: entry for entry in entry_points(group=OF_TASKS)}
+
+
 def task_option() -> Any:
-    """`--task` for a help text: `of_task` takes it before a command gets to see it."""
+    """`--task` for a help text: with it another function runs, see `task_commands`."""
     shown = typer.Typer(add_completion=False)
 
     @shown.command()
@@ -96,18 +106,6 @@ def _replace_default(number: int, default: Any, handler: Any) -> None:
         signal.signal(number, handler)
 
 
-def of_task(args: list[str]) -> list[str]:
-    """`evaluate --task FILE ...` as `system evaluate FILE ...`, which knows tasks; other words stay."""
-    at = next((i for i, word in enumerate(args) if word.partition("=")[0] == "--task"), 0)
-    if not at or args[0] not in OF_TASKS:
-        return args
-    _, has_value, task = args[at].partition("=")
-    rest = args[at + 1 :] if has_value else args[at + 2 :]
-    if not has_value:
-        task = args[at + 1] if at + 1 < len(args) else _fail("--task: expected a file, or the name of a task")
-    return ["system", args[0], task, *args[1:at], *rest]
-
-
 class LazyGroup(TyperGroup):
     """Knows its commands by name and help, see `commands` and `summary`."""
 
@@ -121,7 +119,6 @@ class LazyGroup(TyperGroup):
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """The command itself. From here on a Ctrl-C or SIGTERM is a `KeyboardInterrupt`, which it may answer."""
-        args = of_task(args)
         if args[0] in ORDER and args[0] not in commands():
             _fail(f"{args[0]} is not installed: call make studies, or pip install ./studies ./qa")
         if args[0] not in commands() and not args[0].startswith("-"):
@@ -130,7 +127,8 @@ class LazyGroup(TyperGroup):
             near = nearest(args[0], commands())
             _fail(f"no command {args[0]}{f': did you mean {near}?' if near else '; rabbit --help lists them'}")
         name, _, rest = super().resolve_command(ctx, args)
-        entry = commands()[str(name)]
+        has_task = any(word.partition("=")[0] == "--task" for word in rest)
+        entry = task_commands().get(str(name), commands()[str(name)]) if has_task else commands()[str(name)]
         if source(entry) is None:
             _fail(f"{name} cannot be called: there is no module {entry.module}")
         gc.disable()  # of what is imported nothing is garbage; looking for it takes a fifth of the time to a help text

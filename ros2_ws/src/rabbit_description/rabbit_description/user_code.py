@@ -12,7 +12,7 @@ from typing import Any
 
 from rabbit_description.validation import one_line
 
-_OURS = re.compile(r"(rabbit_\w+|rl_trainer|rl_cbf_clf_controller|cbf_clf_qp|own_systems)(\..*)?|__main__")
+_OURS = re.compile(r"(rabbit_\w+|rl_trainer|rl_cbf_clf_controller|cbf_clf_qp)(\..*)?|__main__")
 _LIBRARIES = {Path(sysconfig.get_path(name)).resolve() for name in ("stdlib", "platstdlib")}
 _PACKAGES = {"site-packages", "dist-packages"}
 plugged = set[str]()  # top-level modules of loaded plugins, which may lie among the libraries

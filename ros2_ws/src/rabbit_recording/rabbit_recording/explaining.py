@@ -1,11 +1,12 @@
 """A recorded tick, explained: the controller's own programme by replay, and what changed since the tick before."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from rabbit_description.state import TICK_SECONDS
-from rl_cbf_clf_controller.explanation import Explanation, changes, explain
+from rl_cbf_clf_controller.explanation import Explanation, Words, changes, explain
 from rl_trainer.rollout import Record
 
 from rabbit_recording import RecordingError
@@ -30,43 +31,52 @@ LEGS = "left", "right"
 
 @dataclass(frozen=True)
 class ExplainedTick:
-    """A tick, and the one before; None before tick 0. `of`: of what a tick; `is_set`: parameters changed in it."""
+    """A tick: which one, what answered it, why it decided so, and what changed since the tick before.
 
-    of: str
-    record: Record
+    `words`, `inputs`: what the task calls its rows, with their units, and its inputs.
+    """
+
+    title: str
+    answered: str
     explanation: Explanation
-    before: tuple[Record, Explanation] | None
-    is_set: bool = False
-    tick_seconds: float = TICK_SECONDS
-
-    @property
-    def title(self) -> str:
-        """Which tick it is."""
-        output = self.record.output
-        where = f"step {output.step_index}, on the {LEGS[output.stance]} leg for {output.step_time:.2f} s"
-        return f"{self.of}, tick {output.tick} ({output.tick * self.tick_seconds:.2f} s): {where}"
+    changed: list[str]
+    words: Words | None = None
+    inputs: Sequence[str] = ()
 
     def lines(self) -> list[str]:
         """All of it in words."""
-        output = self.record.output
-        noise = "; exploration was added to this answer" * bool(output.omega.any())
-        told = [self.title, f"policy {output.policy_version}, answered by {output.solver}{noise}", ""]
-        told += [*self.explanation.lines(WORDS), "", "Since the tick before:"]
-        return [*told, *(f"  {each}" for each in self._changed() or ["no row, no leg, no contact changed"])]
+        told = [self.title, self.answered, "", *self.explanation.lines(self.words), "", "Since the tick before:"]
+        return [*told, *(f"  {line}" for line in self.changed)]
 
-    def _changed(self) -> list[str]:
-        if self.before is None:
-            return ["it is the first"]
-        (was, explained), now = self.before, self.record
-        feet = [
-            f"the {LEGS[leg]} foot {'touches' if now.state.contact[leg] else 'leaves'} the ground"
-            for leg in np.flatnonzero(was.state.contact != now.state.contact)
-        ]
-        told = [f"the robot stands on the {LEGS[now.output.stance]} leg"] * (was.output.stance != now.output.stance)
-        told += [f"policy {now.output.policy_version}"] * (was.output.policy_version != now.output.policy_version)
-        told += ["another stone is seen"] * (was.state.preview != now.state.preview)
-        told += ["parameters changed"] * self.is_set
-        return [*feet, *told, *changes(explained, self.explanation)]
+
+Explained = tuple[Record, Explanation]
+
+
+def explained_tick(
+    of: str, now: Explained, before: Explained | None, is_set: bool = False, tick_seconds: float = TICK_SECONDS
+) -> ExplainedTick:
+    """RABBIT's tick `now` and the one `before`; `of`: of what a tick; `is_set`: parameters changed in it."""
+    output = now[0].output
+    where = f"step {output.step_index}, on the {LEGS[output.stance]} leg for {output.step_time:.2f} s"
+    title = f"{of}, tick {output.tick} ({output.tick * tick_seconds:.2f} s): {where}"
+    noise = "; exploration was added to this answer" * bool(output.omega.any())
+    answered = f"policy {output.policy_version}, answered by {output.solver}{noise}"
+    changed = changes_of(before, now, is_set) if before else ["it is the first"]
+    return ExplainedTick(title, answered, now[1], changed, WORDS, INPUTS)
+
+
+def changes_of(before: Explained, now: Explained, is_set: bool) -> list[str]:
+    """What is another in RABBIT's tick than in the one before."""
+    (was, _), (record, _) = before, now
+    feet = [
+        f"the {LEGS[leg]} foot {'touches' if record.state.contact[leg] else 'leaves'} the ground"
+        for leg in np.flatnonzero(was.state.contact != record.state.contact)
+    ]
+    told = [f"the robot stands on the {LEGS[record.output.stance]} leg"] * (was.output.stance != record.output.stance)
+    told += [f"policy {record.output.policy_version}"] * (was.output.policy_version != record.output.policy_version)
+    told += ["another stone is seen"] * (was.state.preview != record.state.preview)
+    told += ["parameters changed"] * is_set
+    return [*feet, *told, *changes(before[1], now[1])] or ["no row, no leg, no contact changed"]
 
 
 def explain_tick(path: Path, tick: int | None = None, number: int | None = None) -> ExplainedTick:
@@ -88,7 +98,7 @@ def explain_tick(path: Path, tick: int | None = None, number: int | None = None)
         raise RecordingError(f"{here}: its controller publishes no controller_state")
     if missing := [each for each in range(tick) if each not in records]:
         raise RecordingError(f"{here}: a replay needs all ticks before it, but tick {missing[0]} is missing")
-    explained = list[tuple[Record, Explanation]]()
+    explained = list[Explained]()
     with one_line_errors(path, f"tick {tick} of episode {episode.number} cannot be explained"):
         wanted = replace(episode, records=[records[each] for each in range(tick + 1)])
         for record, (controller, output) in zip(wanted.records, replayed(wanted), strict=True):
@@ -98,8 +108,7 @@ def explain_tick(path: Path, tick: int | None = None, number: int | None = None)
                     raise RecordingError(f"{here}: its replay is off by {off:.3g} N m in tick {output.tick}")
                 decided = controller.qp, scene.x, scene.p, controller.estimates, controller.decided
                 explained.append((record, explain(*decided)))
-    *before, (record, explanation) = explained
-    is_set = tick in [each.tick for each in episode.settings]
-    return ExplainedTick(
-        f"episode {episode.number}", record, explanation, before[0] if before else None, is_set, episode.tick_seconds
-    )
+    *before, now = explained
+    is_set = tick in [settings.tick for settings in episode.settings]
+    of = f"episode {episode.number}"
+    return explained_tick(of, now, before[0] if before else None, is_set, episode.tick_seconds)

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 from rabbit_recording import RecordingError
 from rabbit_recording.commands.bag import app
-from rabbit_recording.explaining import ExplainedTick, explain_tick
+from rabbit_recording.explaining import explain_tick
+from rabbit_recording.reader import last_episode
 from recorded_walk import DRAWS
+from rl_cbf_clf_controller.explanation import Row
 from typer.testing import CliRunner, Result
 
 WriteBag = Callable[..., Path]
@@ -20,9 +22,9 @@ def rabbit(*words: object) -> Result:
     return CliRunner().invoke(app, ["explain", *map(str, words)])
 
 
-def check_rows(told: ExplainedTick) -> None:
+def check_rows(bag: Path, tick: int, rows: tuple[Row, ...]) -> None:
     """Rows as recorded: names, slacks, multipliers, and margins to the bounds that are told, but for the slack."""
-    rows, output = told.explanation.rows, told.record.output
+    output = last_episode(bag).records[tick].output
     assert tuple(row.name for row in rows) == output.rows
     np.testing.assert_array_equal([row.slack for row in rows], output.slacks)
     np.testing.assert_array_equal([row.multiplier for row in rows], output.multipliers)
@@ -35,16 +37,16 @@ def check_rows(told: ExplainedTick) -> None:
 
 @pytest.mark.parametrize("tick", [0, 30, 60])
 def test_the_rows_are_those_that_were_recorded(tmp_path: Path, write_bag: WriteBag, tick: int) -> None:
-    told = explain_tick(write_bag(tmp_path / "bag"), tick)
-    check_rows(told)
-    assert (told.before is None) == (tick == 0)
+    told = explain_tick(bag := write_bag(tmp_path / "bag"), tick)
+    check_rows(bag, tick, told.explanation.rows)
+    assert (told.changed == ["it is the first"]) == (tick == 0)
 
 
 def test_what_the_model_says_is_the_recorded_model_at_the_mu_that_was_found(
     tmp_path: Path, write_bag: WriteBag
 ) -> None:
-    told = explain_tick(write_bag(tmp_path / "bag"), 30)
-    output, rows = told.record.output, {row.name: row for row in told.explanation.rows}
+    told = explain_tick(bag := write_bag(tmp_path / "bag"), 30)
+    output, rows = last_episode(bag).records[30].output, {row.name: row for row in told.explanation.rows}
     nominal = dict(zip(output.quantities, output.nominal_a @ output.mu_qp + output.nominal_b, strict=True))
     for row, quantity in (("CLF", "V"), ("B1", "B1"), ("B2", "B2"), ("C1", "C1")):
         assert rows[row].nominal == pytest.approx(nominal[quantity], rel=1e-9)

@@ -10,8 +10,11 @@ from pydantic_core import to_json
 from rabbit_common import exit_codes
 from rabbit_common.executables import LaunchError
 from rabbit_common.exit_codes import ExitCode, Interrupted
-from rabbit_description.plugins import load
+from rabbit_common.own_folder import own_folder
+from rabbit_description.task_source import load_task
 from rabbit_recording import RecordingError
+from rabbit_recording.task_recording import recorded_ride
+from rabbit_viewer.ride_pictures import draw_ride
 
 from rabbit_bringup.launching.walk import WalkSettings
 
@@ -67,9 +70,8 @@ def _leave(walk: WalkSettings, code: ExitCode, seconds: float) -> None:
     """Summary, pictures and film from the recording."""
     if walk.options.task:
         if walk.options.pictures:
-            load("rabbit.tasks", "plot")(
-                walk.folder / "recording", walk.options.task, walk.folder / "pictures", None, "png"
-            )
+            ride = recorded_ride(load_task(walk.options.task), walk.folder / "recording")
+            print(*draw_ride(ride, own_folder(walk.folder / "pictures", "walk")), sep="\n")
         return
     try:
         summary = write_summary(walk, walk.folder / "recording", code, seconds)

@@ -94,20 +94,27 @@ def show(
 ) -> None:
     """Show a run or a recording in the browser, with a time line to drag."""
     if task:
-        brought("rabbit.tasks", "show")(source, task, port, browser, export, episode)
+        with complaints(ValueError, RuntimeError):
+            brought("ride_page")(ride_in(source, task, episode), port, browser, export)
         return
-    show_recording = brought("rabbit.pictures", "page")
+    show_recording = brought("page")
     with complaints(ValueError, RuntimeError):
         show_recording(source, port, browser, export, episode)
 
 
-BRINGS = {"rabbit.pictures": "rabbit_viewer, which draws", "rabbit.tasks": "own_systems, which knows tasks"}
-
-
-def brought(group: str, name: str) -> Any:
-    """A function that a package brings which this one does not import."""
-    (found,) = entry_points(group=group, name=name) or fail(f"expected {BRINGS[group]}")
+def brought(name: str) -> Any:
+    """A picture's function, of a package that this one does not import."""
+    (found,) = entry_points(group="rabbit.pictures", name=name) or fail("expected rabbit_viewer, which draws")
     return found.load()
+
+
+def ride_in(bag: Path, task: str, episode: int | None) -> Any:
+    """An episode of a control task; raises `TaskError`, `RecordingError`."""
+    from rabbit_description.task_source import load_task
+
+    from rabbit_recording.task_recording import recorded_ride
+
+    return recorded_ride(load_task(task), bag, episode)
 
 
 @app.command()
@@ -140,23 +147,23 @@ def plot(
     task: Task = None,
 ) -> None:
     """Draw the pictures of a run or a recording."""
-    if task:
-        if columns:
-            fail(f"--columns {columns}: expected none with --task")
-        brought("rabbit.tasks", "plot")(source, task, out, episode, form)
-        return
-    draw = brought("rabbit.pictures", "recording")
-    if out:
-        own_folder(out, "bag plot")
+    if task and columns:
+        fail(f"--columns {columns}: expected none with --task")
+    if out or task:
+        folder = own_folder(out or source.with_name(f"{source.stem}-pictures"), "bag plot")
     with complaints(ValueError, RuntimeError, OSError):
-        print(*draw(source, out, episode, form, columns), sep="\n")
+        if task:
+            drawn = brought("ride")(ride_in(source, task, episode), folder, form)
+        else:
+            drawn = brought("recording")(source, out, episode, form, columns)
+        print(*drawn, sep="\n")
 
 
 @app.command()
 def check(bag: Bag, task: Task = None) -> None:
     """Count lost ticks, and replay the states through a controller. Exit code 0: what is there is whole and replays."""
     if task:
-        brought("rabbit.tasks", "check")(bag, task)
+        check_task(bag, task)
         return
     from rabbit_recording.checking import check_episodes
 
@@ -179,6 +186,23 @@ def check(bag: Bag, task: Task = None) -> None:
         raise typer.Exit(DIFFERS)
 
 
+def check_task(bag: Path, task: str) -> None:
+    """Of a control task of one's own."""
+    from rabbit_description.task_source import load_task
+
+    from rabbit_recording.reader import iterate_inventories, messages
+    from rabbit_recording.task_recording import differing
+
+    with complaints(ValueError, RecordingError):
+        count, wrong, furthest = differing(load_task(task), bag)
+        answered = {(m.episode, m.tick) for _, m in messages(bag, "torque")}
+        lost = max(sum(episode.lost for episode in iterate_inventories(bag)), len(answered) - count)
+    differ = f"{len(wrong)} differ, by up to {furthest:.3g}, in ticks {wrong[:SHOWN_TICKS]}"
+    print(f"{count} ticks replayed, {lost} lost, {differ if wrong else 'inputs identical'}")
+    if wrong or lost:
+        raise typer.Exit(DIFFERS)
+
+
 @app.command()
 def explain(
     bag: Bag,
@@ -189,20 +213,22 @@ def explain(
     task: Task = None,
 ) -> None:
     """Explain a tick: what each row asks, which rows exclude each other, what torque would do, what changed."""
-    from rabbit_recording.explaining import INPUTS, WORDS, explain_tick
+    from rabbit_recording.explaining import explain_tick
 
     if worst == (tick is not None):
         fail("expected --tick N or --worst")
-    if task:
-        brought("rabbit.tasks", "explain")(bag, task, tick, picture, episode)
-        return
-    draw = brought("rabbit.pictures", "explanation") if picture else None
-    with complaints(RecordingError):
-        explained = explain_tick(bag, tick, episode)
+    draw = brought("explanation") if picture else None
+    with complaints(ValueError, RecordingError):
+        if task:
+            from rabbit_recording.task_recording import explain_ride
+
+            explained = explain_ride(ride_in(bag, task, episode), tick)
+        else:
+            explained = explain_tick(bag, tick, episode)
     print(*explained.lines(), sep="\n")
     if draw:
         with complaints(ValueError, OSError):
-            print(draw(explained.explanation, picture, explained.title, WORDS, INPUTS))
+            print(draw(explained.explanation, picture, explained.title, explained.words, explained.inputs))
 
 
 @app.command()

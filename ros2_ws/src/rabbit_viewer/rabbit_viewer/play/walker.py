@@ -14,7 +14,7 @@ from rabbit_description.state import JOINTS
 from rabbit_description.tick import ticks_in
 from rabbit_experiments.assembly import Assembly, resolve_policy
 from rabbit_experiments.walk_records import WalkRecords, about_walk, plant_in_words
-from rabbit_recording.explaining import ExplainedTick
+from rabbit_recording.explaining import explained_tick
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.plant import PlantReading
 from rabbit_sim.simulation import Outcome
@@ -96,12 +96,8 @@ class Walker:
             first, last = (self._kept[i].output.tick if self._kept else 0 for i in (0, -1))
             raise ValueError(f"tick {tick} of {self.name}: expected one from {first} to {last}, which are kept")
         *before, now = [(Record(kept.state, kept.output), self._explained(kept)) for kept in found]
-        return ExplainedTick(
-            f"robot {self.name}",
-            *now,
-            before[0] if before else None,
-            tick_seconds=self._assembly.simulation.tick_seconds,
-        ).lines()
+        seconds = self._assembly.simulation.tick_seconds
+        return explained_tick(f"robot {self.name}", now, before[0] if before else None, tick_seconds=seconds).lines()
 
     def _explained(self, kept: Kept) -> Explanation:
         return explain(self._controller.qp, kept.scene.x, kept.scene.p, kept.estimates, kept.decided)

@@ -1,4 +1,4 @@
-"""`rabbit system play`: a task rides again and again on the page, one controller beside another, as a person asks.
+"""`rabbit play --task`: a task rides again and again on the page, one controller beside another, as a person asks.
 
 The plant's true parameters act at once. From the next ride on act the controllers, `pace`, how fast the commands go by,
 and for each commanded parameter what is added to it; a parameter that is another one's rate follows the pace.
@@ -16,15 +16,16 @@ from rabbit_description.task import ControlTask, Given, TaskError
 from rabbit_description.task_simulation import TaskSimulation
 from rabbit_description.task_source import load_task
 from rabbit_description.user_code import fault_in_user_code
-from rabbit_viewer.page import Checked
-from rabbit_viewer.play import playing
-from rabbit_viewer.play.messages import Asked, Choose, Push
-from rabbit_viewer.play.settings import NOBODY, Number, PlayError, described, shown
+from rabbit_recording.task_recording import explain_ride
 from rl_cbf_clf_controller.task_controller import TaskController
 from rl_trainer.rollout import Record
 from rl_trainer.task_episode import Ride, moment_of
 
-from own_systems.page import RideRows, ended_of, explained, numbers_of, pictured
+from rabbit_viewer.page import Checked
+from rabbit_viewer.page.ride import RideRows, ended_of, numbers_of, pictured
+from rabbit_viewer.play import playing
+from rabbit_viewer.play.messages import Asked, Choose, Push
+from rabbit_viewer.play.settings import NOBODY, Number, PlayError, described, shown
 
 ROOM = 2  # times what the first picture takes: later ones may have more shapes
 TRUE, ADDED = "true_", "added_"  # before a parameter's name, of settings
@@ -152,7 +153,7 @@ class PlayedRide:
 
     def explain(self, tick: int) -> list[str]:
         """In words; raises ValueError."""
-        return explained(self._ride, tick)[1]
+        return explain_ride(self._ride, tick).lines()
 
 
 class TaskPlayer(playing.Playing):

@@ -8,11 +8,12 @@ import numpy as np
 from cbf_clf_qp.functions import Array
 from matplotlib.colors import to_rgb
 from rabbit_description.task import ControlTask, Line, Shape
+from rabbit_recording.task_recording import explain_ride
+from rl_trainer.task_episode import Moment, Ride
+
 from rabbit_viewer.page.broadcast import Broadcast
 from rabbit_viewer.page.recording import serve_or_write
 from rabbit_viewer.page.rows import EVENTS, packed
-from rl_cbf_clf_controller.explanation import Explanation, changes, explain
-from rl_trainer.task_episode import Moment, Ride
 
 OF_A_ROW = ("margin", "active", "slack", "multiplier")  # of the QP
 COMMON = ("tick", "running", "events", "touchdowns")  # of all that the page shows
@@ -93,7 +94,7 @@ def numbers_of(shapes: Sequence[Shape], most: int | None = None) -> list[float]:
     return numbers if most is None else numbers + [np.nan] * (most - len(numbers))
 
 
-def show(ride: Ride, port: int, opens_browser: bool, export: Path | None) -> None:
+def show_ride(ride: Ride, port: int, opens_browser: bool, export: Path | None) -> None:
     """Serve a ride until Ctrl-C, or write it to the file `export`; raises `PageError`."""
     broadcast, task = Broadcast(), ride.task
     rows = RideRows(task, max(len(numbers_of(pictured(task, m.x, m.p))) for m in ride.moments))
@@ -102,7 +103,7 @@ def show(ride: Ride, port: int, opens_browser: bool, export: Path | None) -> Non
     broadcast.begin({**about, "walkers": [rows.about(ride.controller, ride.title, ride.has_qp)]})
     broadcast.add(packed([number for k, moment in enumerate(ride.moments) for number in rows.row(k, moment)]))
     broadcast.say("ended", {"walkers": [ended_of(ride)]})
-    serve_or_write(broadcast, lambda tick: explained(ride, tick)[1], port, opens_browser, export)
+    serve_or_write(broadcast, lambda tick: explain_ride(ride, tick).lines(), port, opens_browser, export)
 
 
 def ended_of(ride: Ride) -> dict[str, Any]:
@@ -118,26 +119,3 @@ def ended_of(ride: Ride) -> dict[str, Any]:
         sentences.append(f"{barrier.name} {word}, at least {least:.3g} at {tick * ride.task.seconds:.2f} s")
     worst, newest = int(values.min(axis=1).argmin()) if values.size else len(ride.moments), len(ride.moments) - 1
     return {**how, "reason": "; ".join(sentences) + ".", "tick": min(worst, newest)}
-
-
-def explained(ride: Ride, tick: int) -> tuple[Explanation, list[str]]:
-    """A tick, and all of it in words, with what changed; raises ValueError where there is nothing to explain."""
-    if not 0 <= tick < len(ride.moments):
-        raise ValueError(f"tick {tick} of {ride.controller}: expected one from 0 to {len(ride.moments) - 1}")
-    now, *before = [ride.moments[k] for k in (tick, tick - 1) if k >= 0]
-    if now.decided is None:
-        raise ValueError(f"tick {tick} of {ride.controller}: it has no QP")
-    of = [explain(ride.task.tick, m.x, m.p, m.estimates, m.decided) for m in (now, *before)]
-    changed = changes(of[1], of[0]) or ["no row changed"] if before else ["it is the first"]
-    head = f"{title_of_tick(ride, tick)}, answered by {now.decided.solver}"
-    return of[0], [head, "", *of[0].lines(), "", "Since the tick before:", *(f"  {each}" for each in changed)]
-
-
-def title_of_tick(ride: Ride, tick: int) -> str:
-    """Which one it is."""
-    return f"{ride.task.name}, {ride.controller}, tick {tick} ({ride.moments[tick].output.step_time:.2f} s)"
-
-
-def worst_tick(ride: Ride) -> int:
-    """The one whose slacks of last resort are largest in all."""
-    return int(np.nan_to_num([moment.output.rescue_slack for moment in ride.moments], nan=-1.0).argmax())

@@ -4,7 +4,7 @@ POLE, LIMIT = 4.0, 20.0  # 1/s, N
 CART = """
 import casadi as ca
 from cbf_clf_qp import Barrier, Clf, System
-from own_systems import ControlTask, Disc
+from rabbit_description.task import ControlTask, Disc
 x, v, u, mass, target = (ca.SX.sym(name) for name in ("x", "v", "u", "mass", "target"))
 TASK = ControlTask(
     "cart", System(ca.vertcat(x, v), u, ca.vertcat(v, u / mass), parameters=[mass, target]),

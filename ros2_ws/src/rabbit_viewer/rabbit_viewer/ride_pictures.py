@@ -9,11 +9,11 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Circle
 from rabbit_description.task import ControlTask, Line, Shape
 from rabbit_experiments.task_rides import RideRow
-from rabbit_viewer import style
-from rabbit_viewer.video import FRAME_RATE, encode
 from rl_trainer.task_episode import Moment, Ride
 
-from own_systems.page import RideRows, pictured
+from rabbit_viewer import style
+from rabbit_viewer.page.ride import RideRows, pictured
+from rabbit_viewer.video import FRAME_RATE, encode
 
 COLOURS = (style.BLUE, style.ORANGE, style.GREEN, style.PURPLE, style.SKY)
 FILM_INCHES, FILM_DPI, FILM_SECONDS = 6.4, 100, 12.0
@@ -41,7 +41,12 @@ def draw_margins(task: ControlTask, rides: Mapping[str, Sequence[RideRow]], path
         return style.save(figure, path)
 
 
-def draw_ride(ride: Ride, path: Path) -> Path:
+def draw_ride(ride: Ride, folder: Path, form: str = "png") -> list[Path]:
+    """Its rows and, of a task that has `draw`, its film; raises `VideoError`."""
+    return [draw_rows(ride, folder / f"rows.{form}"), *(film(ride, folder / "ride.mp4") if ride.task.draw else ())]
+
+
+def draw_rows(ride: Ride, path: Path) -> Path:
     """The page's panels over time, but for those of one row of the QP."""
     made = RideRows(ride.task)
     panels = [panel for panel in made.panels(ride.has_qp) if panel["columns"] and "of" not in panel]

@@ -16,16 +16,15 @@ import numpy as np
 import pytest
 from cbf_clf_qp import Clf, System
 from own_cart import CART, LIMIT, POLE
-from own_systems import ControlTask, TaskError, recording
-from own_systems.commands.system import app
-from own_systems.page import ended_of
-from own_systems.recording import differing, recorded_ride, write_ride
+from rabbit_bringup.cli import app
+from rabbit_description.task import ControlTask, TaskError
 from rabbit_description.task_source import load_task
 from rabbit_experiments.cache import Cache
 from rabbit_experiments.task_rides import rides_of
-from rabbit_recording import RecordingError
-from rabbit_recording.commands.bag import app as bag_app
+from rabbit_recording import RecordingError, task_recording
 from rabbit_recording.contents import contents
+from rabbit_recording.task_recording import differing, recorded_ride, write_ride
+from rabbit_viewer.page.ride import ended_of
 from rl_cbf_clf_controller.task_controller import TaskController
 from rl_trainer.task_episode import ride_of
 from rl_trainer.task_training import measured_problem, train
@@ -191,9 +190,9 @@ def test_a_recording_replays_to_the_bit_and_a_changed_one_is_found(task, tmp_pat
 
 def test_a_recorder_may_have_heard_the_topics_of_a_tick_in_any_order(task, tmp_path, monkeypatch):
     write_ride(ride_of(TaskController(task), "oracle", 3), tmp_path / "bag", None)
-    whole = list(recording.messages(tmp_path / "bag", "episode", "policy_swap", "state", "parameters", "torque"))
+    whole = list(task_recording.messages(tmp_path / "bag", "episode", "policy_swap", "state", "parameters", "torque"))
     shuffled = [whole[i] for i in np.random.default_rng(1).permutation(len(whole))]
-    monkeypatch.setattr(recording, "messages", lambda path, *names: iter(shuffled))
+    monkeypatch.setattr(task_recording, "messages", lambda path, *names: iter(shuffled))
     assert differing(task, tmp_path / "bag") == (300, [], 0.0)
 
 
@@ -224,14 +223,14 @@ def test_a_recorded_ride_is_the_ride(task, tmp_path):
         recorded_ride(task, tmp_path / "bag", 2)
 
 
-def typed(*words, of=app):
+def typed(*words):
     """A command's exit code, and what it printed."""
-    result = CliRunner().invoke(of, [str(word) for word in words])
+    result = CliRunner().invoke(app, [str(word) for word in words])
     return result.exit_code, result.output
 
 
 def test_the_commands(cart, task, tmp_path):
-    code, said = typed("evaluate", cart, "--rides", 3, "--out", tmp_path / "e")
+    code, said = typed("evaluate", "--task", cart, "--rides", 3, "--pictures", "--out", tmp_path / "e")
     assert code == 0, said
     summary = json.loads((tmp_path / "e" / "summary.json").read_text())
     assert (summary["nominal"]["kept"], summary["oracle"]["kept"]) == (0, 3)
@@ -240,32 +239,30 @@ def test_the_commands(cart, task, tmp_path):
     first = ride_of(TaskController(task), "nominal", int(rows[0]["seed"]))
     assert float(rows[0]["wall"]) == first.margins[0]
     assert (tmp_path / "e" / "margins.png").is_file()
-    code, said = typed("ride", cart, "--controller", "oracle", "--out", tmp_path / "r")
-    assert code == 0, said
-    assert {path.name for path in (tmp_path / "r").iterdir()} >= {"recording", "rows.png", "ride.mp4"}
-    assert typed("check", tmp_path / "r" / "recording", cart) == (0, "300 ticks replayed, 0 lost, inputs identical\n")
-    bag = tmp_path / "r" / "recording"
-    assert typed("check", bag, "--task", cart, of=bag_app) == (0, "300 ticks replayed, 0 lost, inputs identical\n")
-    code, said = typed("check", bag, of=bag_app)
+    pictures = tmp_path / "e" / "oracle"
+    assert {path.name for path in pictures.iterdir()} >= {"recording", "rows.png", "ride.mp4"}
+    bag = pictures / "recording"
+    assert typed("bag", "check", bag, "--task", cart) == (0, "300 ticks replayed, 0 lost, inputs identical\n")
+    code, said = typed("bag", "check", bag)
     assert (code, "with `--task`" in said) == (2, True)
-    code, said = typed("plot", bag, "--task", cart, "--out", tmp_path / "p", of=bag_app)
-    assert (code, (tmp_path / "p" / "rows.png").read_bytes()) == (0, (tmp_path / "r" / "rows.png").read_bytes()), said
-    code, said = typed("show", bag, "--task", cart, "--export", tmp_path / "ride.html", of=bag_app)
+    code, said = typed("bag", "plot", bag, "--task", cart, "--out", tmp_path / "p")
+    assert (code, (tmp_path / "p" / "rows.png").read_bytes()) == (0, (pictures / "rows.png").read_bytes()), said
+    code, said = typed("bag", "show", bag, "--task", cart, "--export", tmp_path / "ride.html")
     assert code == 0, said
-    code, said = typed("explain", bag, "--task", cart, "--worst", "--picture", tmp_path / "tick.png", of=bag_app)
+    code, said = typed("bag", "explain", bag, "--task", cart, "--worst", "--picture", tmp_path / "tick.png")
     assert (code, said.startswith("cart, oracle, tick "), (tmp_path / "tick.png").is_file()) == (0, True, True), said
-    code, said = typed("explain", bag, "--task", cart, "--tick", 300, of=bag_app)
+    code, said = typed("bag", "explain", bag, "--task", cart, "--tick", 300)
     assert (code, "expected one from 0 to 299" in said) == (2, True)
     found = re.search(r'id="walk-data">(.*?)</script>', (tmp_path / "ride.html").read_text())
     assert found
     walk = json.loads(found[1])
     about = next(word for word in walk["words"] if word["type"] == "about")
-    assert about["title"].startswith("cart, oracle, seed 1: done")
+    assert about["title"].startswith(f"cart, oracle, seed {rows[3]['seed']}: done")
     panels = {panel["title"]: panel.get("limits", []) for panel in about["walkers"][0]["panels"]}
     assert (panels["barriers B"], panels["input u"]) == ([0], [-LIMIT, LIMIT])
     assert len(gzip.decompress(base64.b64decode(walk["rows"]))) == 4 * 300 * len(about["walkers"][0]["columns"])
     cart.write_text(CART.replace("(4.0, 4.0)", "(4.0, 5.0)"))
-    code, said = typed("check", tmp_path / "r" / "recording", cart)
+    code, said = typed("bag", "check", bag, "--task", cart)
     assert code == 1
     assert "differ" in said
 
@@ -275,7 +272,7 @@ def test_a_benchmark_goes_from_the_nominal_plant_beyond_the_true_one(cart, tmp_p
     said = {}
     for processes in (1, 2):
         out = tmp_path / str(processes)
-        code, text = typed("benchmark", cart, "--rides", 2, "--jobs", processes, "--out", out)
+        code, text = typed("benchmark", "--task", cart, "--rides", 2, "--jobs", processes, "--out", out)
         assert code == 0, text
         said[processes] = (out / "benchmark.md").read_text()
     assert said[1] == said[2]
@@ -283,13 +280,13 @@ def test_a_benchmark_goes_from_the_nominal_plant_beyond_the_true_one(cart, tmp_p
     assert rows[0] == ["2", "2"]
     assert rows[2:] == [["0", "2"]] * 3
     kept = {path: path.stat().st_mtime_ns for path in (tmp_path / "1" / "cache").rglob("*.json.gz")}
-    assert typed("benchmark", cart, "--rides", 2, "--jobs", 1, "--out", tmp_path / "1")[0] == 0
+    assert typed("benchmark", "--task", cart, "--rides", 2, "--jobs", 1, "--out", tmp_path / "1")[0] == 0
     assert kept == {path: path.stat().st_mtime_ns for path in (tmp_path / "1" / "cache").rglob("*.json.gz")}
 
 
 def test_another_urdf_is_another_ride(tmp_path):
     for kind in (".yaml", ".urdf"):
-        (tmp_path / f"walker{kind}").write_bytes((Path(__file__).parents[4] / f"examples/amber_3m{kind}").read_bytes())
+        (tmp_path / f"walker{kind}").write_bytes((Path(__file__).parents[2] / f"examples/amber_3m{kind}").read_bytes())
     walker = tmp_path / "walker.yaml"
     walker.write_text(walker.read_text().replace("amber_3m.urdf", "walker.urdf"))
     (ride,) = rides_of(str(walker), ["nominal"], 1, 1)
@@ -303,15 +300,15 @@ def test_another_urdf_is_another_ride(tmp_path):
 @pytest.mark.parametrize(
     "words",
     [
-        ("evaluate", "nosuch.py"),
-        ("benchmark", "{cart}", "--controller", "nosuch"),
-        ("evaluate", "{cart}", "--controller", "nosuch"),
-        ("evaluate", "{cart}", "--controller", "nosuch.safetensors"),
-        ("evaluate", "{cart}", "--rides", "1", "--out", "/proc/nosuch"),
-        ("train", "{cart}", "--learner", "nosuch"),
-        ("train", "{cart}", "--out", "/proc/nosuch/p.safetensors"),
-        ("train", "{cart}", "--out", "policy.txt"),
-        ("check", "nosuch", "{cart}"),
+        ("evaluate", "--task", "nosuch.py"),
+        ("benchmark", "--task", "{cart}", "--controller", "nosuch"),
+        ("evaluate", "--task", "{cart}", "--controller", "nosuch"),
+        ("evaluate", "--task", "{cart}", "--controller", "nosuch.safetensors"),
+        ("evaluate", "--task", "{cart}", "--rides", "1", "--out", "/proc/nosuch"),
+        ("train", "--task", "{cart}", "--learner", "nosuch"),
+        ("train", "--task", "{cart}", "--out", "/proc/nosuch/p.safetensors"),
+        ("train", "--task", "{cart}", "--out", "policy.txt"),
+        ("bag", "check", "nosuch", "--task", "{cart}"),
     ],
 )
 def test_what_is_wrong_ends_a_command_with_one_line(cart, words, tmp_path, monkeypatch):

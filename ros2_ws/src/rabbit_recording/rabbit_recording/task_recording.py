@@ -14,10 +14,7 @@ from rabbit_common.task_messages import measured_fields, parameter_fields, state
 from rabbit_description.state import RobotState
 from rabbit_description.task import ControlTask
 from rabbit_description.task_state import layout_of, p_of
-from rabbit_recording import RecordingError
-from rabbit_recording.bag_writer import BagWriter, graph_types
-from rabbit_recording.open_recording import one_line_errors
-from rabbit_recording.reader import iterate_inventories, messages
+from rl_cbf_clf_controller.explanation import changes, explain
 from rl_cbf_clf_controller.message_fields import state_fields, terms_fields
 from rl_cbf_clf_controller.policy import ActorPolicy
 from rl_cbf_clf_controller.task_controller import NOMINAL, Controlling, TaskController
@@ -25,6 +22,12 @@ from rl_cbf_clf_controller.weights import PolicyFileError, decode
 from rl_trainer.rollout import Record
 from rl_trainer.task_episode import Moment, Ride, moment_of
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
+
+from rabbit_recording import RecordingError
+from rabbit_recording.bag_writer import BagWriter, graph_types
+from rabbit_recording.explaining import ExplainedTick
+from rabbit_recording.open_recording import one_line_errors
+from rabbit_recording.reader import iterate_inventories, messages
 
 RUNNING, ENDED = 1, 3  # phases of rabbit_msgs/Episode
 FOREVER = QosTime(9223372036, 854775807)
@@ -37,7 +40,7 @@ LATCHED = ("episode", "policy_swap", "controller_settings")
 ZERO = {"float64": 0.0, "uint8": 0, "uint32": 0, "uint64": 0, "bool": False, "string": ""}
 
 
-def write_ride(ride: Ride, path: Path, policy: ActorPolicy | None) -> None:
+def write_ride(ride: Ride, path: Path, policy: ActorPolicy | None = None) -> None:
     """Write the messages of a ride, its only episode; `policy`: what rode, of a learned controller.
 
     Raises `RecordingError`.
@@ -199,3 +202,21 @@ def recorded_controller(controller: TaskController, path: Path, by: str, policie
         return controller.fitted(decode(policies[by]))
     except (KeyError, PolicyFileError, ValueError) as error:
         raise RecordingError(f"recording {path}: policy {by} is not in it, or not for this task: {error}") from error
+
+
+def explain_ride(ride: Ride, tick: int | None = None) -> ExplainedTick:
+    """A tick of a ride; the one whose slacks of last resort are largest in all, where none is named.
+
+    Raises ValueError where there is nothing to explain.
+    """
+    if tick is None:
+        tick = int(np.nan_to_num([moment.output.rescue_slack for moment in ride.moments], nan=-1.0).argmax())
+    if not 0 <= tick < len(ride.moments):
+        raise ValueError(f"tick {tick} of {ride.controller}: expected one from 0 to {len(ride.moments) - 1}")
+    now, *before = [ride.moments[k] for k in (tick, tick - 1) if k >= 0]
+    if now.decided is None:
+        raise ValueError(f"tick {tick} of {ride.controller}: it has no QP")
+    explanation, *others = [explain(ride.task.tick, m.x, m.p, m.estimates, m.decided) for m in (now, *before)]
+    changed = changes(others[0], explanation) or ["no row changed"] if others else ["it is the first"]
+    title = f"{ride.task.name}, {ride.controller}, tick {tick} ({now.output.step_time:.2f} s)"
+    return ExplainedTick(title, f"answered by {now.decided.solver}", explanation, changed)

@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 from own_cart import CART, LIMIT
-from own_systems import Disc, Line
-from own_systems.page import RideRows, explained, numbers_of
-from own_systems.play import Start, TaskPlayer, altered, check_asked, rates_of, settings_of
+from rabbit_description.task import Disc, Line
 from rabbit_description.task_source import load_task
+from rabbit_recording.task_recording import explain_ride
 from rabbit_viewer.page.broadcast import Broadcast
+from rabbit_viewer.page.ride import RideRows, numbers_of
 from rabbit_viewer.play.messages import ASKED
 from rabbit_viewer.play.serving import Door, tell
+from rabbit_viewer.play.task_player import Start, TaskPlayer, altered, check_asked, rates_of, settings_of
 from rl_cbf_clf_controller.task_controller import TaskController
 from rl_trainer.task_episode import ride_of
 
@@ -167,8 +168,8 @@ def test_a_tick_is_explained_live_as_in_process(start: Start) -> None:
     played = Played(start).ride(80)
     played.ask("explain", walker=0, tick=60)
     lines = played.words["explained"]["lines"]
-    assert lines == explained(ride_of(TaskController(load_task(start.source)), "nominal", 3), 60)[1]
-    assert lines[0] == "cart, nominal, tick 60 (0.60 s), answered by daqp"
+    assert lines == explain_ride(ride_of(TaskController(load_task(start.source)), "nominal", 3), 60).lines()
+    assert lines[:2] == ["cart, nominal, tick 60 (0.60 s)", "answered by daqp"]
     played.ask("explain", walker=0, tick=600)
     assert "expected one from 0 to 79" in played.words["explained"]["lines"][0]
 
