@@ -7,8 +7,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-import typer
-from rabbit_bringup.cli import OF_TASKS, commands, of_task
+from rabbit_bringup.cli import chosen, commands, loaded
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted(
@@ -85,10 +84,10 @@ def command_lines() -> list[str]:
 
 
 @cache
-def options(words: tuple[str, ...]) -> set[str]:
+def options(name: str, *words: str) -> set[str]:
     """The options of a subcommand, or of a subcommand's own."""
-    command = typer.main.get_command(commands()[words[0]].load())
-    for word in words[1:]:
+    command = loaded(chosen(name, list(words)))
+    for word in words:
         command = getattr(command, "commands", {}).get(word, command)
     return {name for parameter in command.params for name in (*parameter.opts, *parameter.secondary_opts)} | {"--help"}
 
@@ -97,5 +96,5 @@ def options(words: tuple[str, ...]) -> set[str]:
 def test_a_command_on_a_page_has_its_options(line: str) -> None:
     words = shlex.split(re.sub(r"\s[|>&;].*", "", line.split(" ## ")[0]), comments=True)[1:]
     ours = words[: words.index("--")] if "--" in words else words
-    known = options(tuple(of_task(words)[:2])) | {each for each in ["--task"] if words[0] in OF_TASKS}
+    known = options(*words[:1], *(words[1:] if "--task" in words else words[1:2]))
     assert {word.split("=")[0] for word in ours if word.startswith("--")} <= known

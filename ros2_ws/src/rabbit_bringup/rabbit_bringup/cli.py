@@ -82,6 +82,12 @@ def task_commands() -> dict[str, EntryPoint]:
     return {entry.name: entry for entry in entry_points(group=OF_TASKS)}
 
 
+def chosen(name: str, words: list[str]) -> EntryPoint:
+    """What the command `name` runs before these words."""
+    has_task = any(word.partition("=")[0] == "--task" for word in words)
+    return (task_commands() if has_task and name in task_commands() else commands())[name]
+
+
 def task_option() -> Any:
     """`--task` for a help text: with it another function runs, see `task_commands`."""
     shown = typer.Typer(add_completion=False)
@@ -127,8 +133,7 @@ class LazyGroup(TyperGroup):
             near = nearest(args[0], commands())
             _fail(f"no command {args[0]}{f': did you mean {near}?' if near else '; rabbit --help lists them'}")
         name, _, rest = super().resolve_command(ctx, args)
-        has_task = any(word.partition("=")[0] == "--task" for word in rest)
-        entry = task_commands().get(str(name), commands()[str(name)]) if has_task else commands()[str(name)]
+        entry = chosen(str(name), rest)
         if source(entry) is None:
             _fail(f"{name} cannot be called: there is no module {entry.module}")
         gc.disable()  # of what is imported nothing is garbage; looking for it takes a fifth of the time to a help text
