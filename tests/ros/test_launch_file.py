@@ -123,7 +123,7 @@ def test_a_users_launch_file_starts_two_graphs_replaces_a_controller_and_goes_on
     left, right, encoders = heard.split(", ")
     assert (left, int(encoders) > 100) == ("walked by /left/controller", True)
     assert right == "fall by me"
-    (episode,) = iterate_episodes(tmp_path / "recording")
+    (episode,) = iterate_episodes(tmp_path / "left" / "recording")
     assert (episode.outcome, episode.lost) == ("walked", 0)
 
 

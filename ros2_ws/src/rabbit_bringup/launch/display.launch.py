@@ -4,7 +4,7 @@ from launch import LaunchDescription
 from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
-from rabbit_bringup.ros.launch_actions import arguments, arguments_of, node, parameters_of
+from rabbit_bringup.ros.launch_actions import arguments, arguments_of, node
 from rabbit_common.options import Defaults
 from rabbit_viewer.live.parameters import ViewerParameters
 
@@ -16,7 +16,7 @@ def generate_launch_description() -> LaunchDescription:
         [
             *arguments(rviz=("false", "start rviz2 too")),
             *arguments_of(ViewerParameters, defaults=waits),
-            node("viewer", parameters_of(ViewerParameters)),
+            node("viewer", [{name: LaunchConfiguration(name) for name in ViewerParameters.model_fields}]),
             Node(
                 package="rviz2",
                 executable="rviz2",

@@ -8,4 +8,4 @@ from rabbit_bringup.ros.launch_actions import arguments, node
 def generate_launch_description() -> LaunchDescription:
     """The recorder."""
     path = {"path": LaunchConfiguration("path")}
-    return LaunchDescription([*arguments(path=("recording", "folder to be made")), node("recorder", path)])
+    return LaunchDescription([*arguments(path=("recording", "folder to be made")), node("recorder", [path])])

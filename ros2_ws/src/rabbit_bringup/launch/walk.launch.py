@@ -5,17 +5,18 @@ reports how each episode ended, stops its nodes and writes the summary. It does 
 the walk fails, the launch ends with exit code 1. graph.launch.py has the nodes themselves.
 """
 
-from launch import LaunchContext, LaunchDescription, LaunchDescriptionEntity
+import shlex
+
+from launch import LaunchContext, LaunchDescription
 from launch.actions import ExecuteProcess, OpaqueFunction
 from launch.events.process import ProcessExited
 from rabbit_bringup.commands.walk import DEFAULTS, MODELS
 from rabbit_bringup.launching.processes import PATIENCE
-from rabbit_bringup.ros.launch_actions import arguments_of
+from rabbit_bringup.ros.launch_actions import arguments_of, given_of
 from rabbit_common.exit_codes import ExitCode
-from rabbit_common.options import option_name
+from rabbit_common.options import Defaults
 
 LONGEST = str(4 * PATIENCE)  # s for the walk to end: it waits for three groups of nodes in turn
-SWITCH = {"true": True, "1": True, "false": False, "0": False}
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -30,9 +31,11 @@ def generate_launch_description() -> LaunchDescription:
     )
 
 
-def walk(given: dict[str, str]) -> LaunchDescriptionEntity:
-    """`rabbit walk` under the arguments that were given."""
-    command = ["rabbit", "walk", *words(given)]
+def walk(given: dict[str, str]) -> ExecuteProcess:
+    """`rabbit walk` under the arguments that were given, in the namespace that an including launch file pushed."""
+    space = namespace(given.get("ros_namespace", ""), given.get("namespace", ""))
+    words = shlex.split(given_of(given, Defaults(), *MODELS).typed(but=("namespace",)))
+    command = ["rabbit", "walk", f"--namespace={space}", *words]
     return ExecuteProcess(
         cmd=command, name="walk", output="screen", sigterm_timeout=LONGEST, sigkill_timeout=LONGEST, on_exit=over
     )
@@ -42,20 +45,6 @@ def over(event: ProcessExited, context: LaunchContext) -> None:
     """End the launch with exit code 1 if the walk has failed."""
     if event.returncode != ExitCode.WALKED and not context.is_shutdown:
         raise RuntimeError(f"the walk ended with exit code {event.returncode}")
-
-
-def words(given: dict[str, str]) -> list[str]:
-    """Arguments as options of `rabbit walk`; before the namespace what an including launch file pushed."""
-    found = [f"--namespace={namespace(given.get('ros_namespace', ''), given.get('namespace', ''))}"]
-    for name, info in {name: info for model in MODELS for name, info in model.model_fields.items()}.items():
-        value = given.get(name, "")
-        if info.annotation is bool and value:
-            if value.lower() not in SWITCH:
-                raise RuntimeError(f"{name}:={value}: expected true or false")
-            found.append(option_name(name if SWITCH[value.lower()] else f"no_{name}"))
-        elif value and name != "namespace":
-            found.append(f"{option_name(name)}={value}")
-    return found
 
 
 def namespace(pushed: str, own: str) -> str:

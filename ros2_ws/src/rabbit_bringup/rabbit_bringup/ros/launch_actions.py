@@ -1,15 +1,14 @@
-"""What the launch files share: arguments made from the nodes' parameter models, and the action that starts a node."""
+"""What the launch files share: arguments from the options of `rabbit walk`, and the action that starts a node."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from ament_index_python.packages import get_package_share_directory
 from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
-from launch_ros.parameter_descriptions import ParameterValue
 from pydantic import BaseModel
-from rabbit_common.options import Defaults, described
+from rabbit_common.options import Defaults, Given, described
 from rabbit_common.threads import THREADS
 
 from rabbit_bringup.launching.processes import PACKAGES, PATIENCE
@@ -20,6 +19,7 @@ OF_EVERY_NODE = {
     "params_file": (PARAMETERS, "parameters of the nodes; what it names holds, whatever the arguments say"),
     "log_level": ("info", "debug, info, warn, error or fatal"),
 }
+SWITCH = {"true": True, "1": True, "false": False, "0": False}
 
 
 def arguments(**more: tuple[str, str]) -> list[DeclareLaunchArgument]:
@@ -44,13 +44,6 @@ def arguments_of(
     ]
 
 
-def parameters_of(*models: type[BaseModel], but: Collection[str] = ()) -> dict[str, ParameterValue]:
-    """The parameters of a node, each from the argument of its name and of its field's type."""
-    defaults = {name: info.default for model in models for name, info in model.model_fields.items() if name not in but}
-    kinds = {name: type(each) if isinstance(each, bool | int | float) else str for name, each in defaults.items()}
-    return {name: ParameterValue(LaunchConfiguration(name), value_type=kind) for name, kind in kinds.items()}
-
-
 def word(value: Any) -> str:
     """A value as an argument; empty where there is none."""
     if value is None:
@@ -58,14 +51,30 @@ def word(value: Any) -> str:
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
-def node(name: str, parameters: dict[str, Any], **more: Any) -> Node:
-    """Start one of the graph's nodes."""
+def given_of(words: Mapping[str, str], defaults: Defaults, *models: type[BaseModel]) -> Given:
+    """The arguments that were given, as options of `models`; raises RuntimeError where a switch is none."""
+    fields = {name: info for model in models for name, info in model.model_fields.items() if words.get(name)}
+    typed = {
+        name: switch(name, words[name]) if info.annotation is bool else words[name] for name, info in fields.items()
+    }
+    return Given(typed, defaults)
+
+
+def switch(name: str, said: str) -> bool:
+    """On or off; raises RuntimeError."""
+    if said.lower() not in SWITCH:
+        raise RuntimeError(f"{name}:={said}: expected true or false")
+    return SWITCH[said.lower()]
+
+
+def node(name: str, parameters: Sequence[Any], **more: Any) -> Node:
+    """Start one of the graph's nodes; `parameters`: those beneath `params_file`."""
     return Node(
         package=PACKAGES[name],
         executable=name,
         name=name,
         namespace=LaunchConfiguration("namespace"),
-        parameters=[parameters, LaunchConfiguration("params_file")],
+        parameters=[*parameters, LaunchConfiguration("params_file")],
         remappings=[("/clock", "clock")],
         ros_arguments=["--enclave", f"/rabbit/{name}", "--log-level", LaunchConfiguration("log_level")],
         additional_env=dict.fromkeys(THREADS, "1"),
