@@ -80,7 +80,7 @@ class Tick:
             names, a, b = tuple(f"u{i + 1}" for i in range(system.u.numel())), terms.control.a, terms.control.b
             rows.append(Rows(names, a, -limit - b, limit - b))
         self.layout, data = build_qp(rows, objective(terms) if objective else None, terms.control)
-        self._needs_output_error = ca.depends_on(packed(data), ca.vec(terms.symbols["output_error"]))
+        self.needs_output_error = ca.depends_on(packed(data), ca.vec(terms.symbols["output_error"]))
         data["is_valid"] *= is_bounded(packed(terms.symbols))
         self.data, self.answer = data, Answering(terms.symbols, data, self.layout, solver)
         self.reset = self.answer.reset  # forgets the last programme, so that no episode depends on the one before
@@ -151,6 +151,6 @@ class Tick:
         """Of the functions; an output error that is not known is zero where nothing depends on it."""
         if estimates.output_error is not None:
             return x, p, estimates.alpha, estimates.beta, estimates.output_error
-        if self._needs_output_error:
+        if self.needs_output_error:
             raise ValueError("output_error = None: expected (Delta_2 | Delta_1), on which the objective depends")
         return x, p, estimates.alpha, estimates.beta

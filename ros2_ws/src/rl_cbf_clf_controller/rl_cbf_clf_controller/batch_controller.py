@@ -13,20 +13,20 @@ from cbf_clf_qp.answer import INVALID
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import Values
 from rabbit_description.robot_states import RobotStates
-from rabbit_description.state import DOF, JOINTS, Array, RobotState, StonePreview
+from rabbit_description.state import DOF, Array, RobotState, StonePreview
 
 from rl_cbf_clf_controller.batch_output import BatchOutput, BatchScene, estimates_of, identified, refusing, scene_of
 from rl_cbf_clf_controller.controller_parts import ControllerParts
 from rl_cbf_clf_controller.policy import ActorPolicy, LearnedPolicy, Policy, ZeroPolicy
+from rl_cbf_clf_controller.rabbit_step import FARTHEST_STONE, HIGHEST_STONE, NEVER
 from rl_cbf_clf_controller.residual_policy import Memory, ResidualPolicy
 from rl_cbf_clf_controller.scene import Estimator
-from rl_cbf_clf_controller.step import DQ, FARTHEST_STONE, HIGHEST_STONE, NEVER, Q
+from rl_cbf_clf_controller.step import DQ, Q
 from rl_cbf_clf_controller.step_rows import StepRows
 
 if TYPE_CHECKING:
     from rl_cbf_clf_controller.parameters import ControllerParameters
 
-NO_NOISE = np.zeros(JOINTS)
 NO_STONE = astuple(StonePreview(0, np.nan, np.nan, np.nan))
 BEGUN = (  # of a memory: what is known since the step began
     *("stance", "index", "start", "seconds", "has_begun", "path", "phase_scale", "steps", "place", "moved", "carries"),
@@ -57,13 +57,11 @@ class BatchController:
         """Arrays of `n` robots."""
         f = self._one.functions
         self._rows = rows = StepRows(f, first, n)
-        given = {name: rows.reading[:, place] for name, (place, _) in f.reading.places.items()}
-        self._given = {name: given[name] for name in ("q", "dq", "contact", "applied", "stone", "noise")}
-        self._force = given["foot_force"].reshape(n, 2, 2)
+        self._given = given = {name: rows.reading[:, place] for name, (place, _) in f.reading.places.items()}
         self._tick, self._touchdowns = (given[name][:, 0] for name in ("tick", "touchdowns"))
         self._previews = list[Any]([()] * n)  # whose numbers are in the rows
         self._is_sound, self._to_memory = self._one.places["is_sound"].start, self._one.places["memory"]
-        self._silence, self._is_silent = np.zeros((n, JOINTS)), True
+        self._silence, self._is_silent = np.zeros((n, f.reading.sizes["noise"])), True
         self._nothing, self._to_adapted = np.zeros((n, f.estimates.size)), self._one.places.get("adapted")
         self._path = f.memory.places
 
@@ -167,11 +165,12 @@ class BatchController:
         return self._rows.estimates.copy()
 
     def _noise(self) -> Array:
-        """To explore with, (N, 4)."""
+        """To explore with, (N, m)."""
         sigma = self._parameters.sigma
         if sigma == 0 and self._is_silent:
             return self._silence
-        omega = sigma * np.array([rng.standard_normal(JOINTS) if sigma > 0 else NO_NOISE for rng in self._rngs])
+        none = self._silence[0]
+        omega = sigma * np.array([rng.standard_normal(none.size) if sigma > 0 else none for rng in self._rngs])
         self._given["noise"][...], self._is_silent = omega, sigma == 0
         return omega
 
@@ -197,7 +196,7 @@ class BatchController:
         """Into the rows."""
         given = self._given
         given["q"][...], given["dq"][...], given["contact"][...] = states.q, states.dq, states.contact
-        given["applied"][...], self._force[...] = states.applied, states.foot_force
+        given["applied"][...], given["foot_force"][...] = states.applied, states.foot_force.reshape(self._n, -1)
         self._tick[...], self._touchdowns[...] = states.tick, states.touchdowns
         for i, stone in enumerate([states.preview] if isinstance(states, RobotState) else states.previews):
             if stone is not self._previews[i]:

@@ -6,6 +6,7 @@
 All of that is `step.py`; what a controller constrains is its recipe.
 """
 
+from collections.abc import Mapping
 from typing import TypeVar
 
 import numpy as np
@@ -13,130 +14,64 @@ from cbf_clf_qp.answer import Decided
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import Values
 from rabbit_description.gait import Gaits
-from rabbit_description.state import DOF, JOINTS, RobotState, StonePreview
+from rabbit_description.state import RobotState, StonePreview
 
 from rl_cbf_clf_controller.batch_controller import BatchController
 from rl_cbf_clf_controller.batch_output import BatchOutput, BatchScene
 from rl_cbf_clf_controller.controller_output import Acted, ControllerOutput
-from rl_cbf_clf_controller.controller_parts import ControllerParts, Further, nothing_further
+from rl_cbf_clf_controller.controller_parts import ControllerParts, Further, nothing_further, rabbit_parts
+from rl_cbf_clf_controller.kinds import find_kind
 from rl_cbf_clf_controller.network import NETWORK
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ActorPolicy, Policy, ZeroPolicy
+from rl_cbf_clf_controller.rabbit_step import READING, RabbitStep
 from rl_cbf_clf_controller.scene import ControllerError, Scene
+from rl_cbf_clf_controller.step_paths import Shape
 from rl_cbf_clf_controller.walking import GAINS
 
-NO_NOISE = np.zeros(JOINTS)
 DYNAMIC = ("sigma", "swap_time", "swap_phase", *GAINS)  # parameters that may change between two ticks
 
 Found = TypeVar("Found", BatchScene, BatchOutput)
 
 
-class Controller(ControllerParts):
-    """One controller with its parameters, gait and policy; `step` is called once a tick.
+class OneRobot(ControllerParts):
+    """A controller of one robot: `step` is called once a tick. After it, `estimates` and `decided` have all of it."""
 
-    `further`: quantities of your own, made of RABBIT's symbols, with rows in the QP and without estimates. `urdf`
-    replaces RABBIT's as the nominal model (the same joints and feet). After a tick, `scene`, `parts` and `estimates`
-    (each estimator's and their sum) and `decided` have all of it. One object serves one thread.
-    """
-
-    def __init__(
-        self,
-        parameters: ControllerParameters,
-        gait: Gaits,
-        policy: Policy,
-        further: Further = nothing_further,
-        urdf: str | None = None,
-    ) -> None:
-        super().__init__(parameters, gait, further, urdf)
-        self._check(policy)
-        self._robots = BatchController(self, [policy])
-
-    @property
-    def parameters(self) -> ControllerParameters:
-        """Others may be set between two ticks, if they differ in nothing but `DYNAMIC`.
-
-        Raises:
-            ControllerError: any other difference needs a new controller.
-        """
-        return self._parameters
-
-    @parameters.setter
-    def parameters(self, new: ControllerParameters) -> None:
-        names = type(new).model_fields
-        changed = {name for name in names if getattr(new, name) != getattr(self._parameters, name)}
-        own = self._kind.estimators(new)  # they keep the gains that they were made with
-        dynamic = {*DYNAMIC}.difference(GAINS if own else ())
-        if fixed := changed - dynamic:
-            raise ControllerError(f"{', '.join(sorted(fixed))}: expected no change, which needs a new controller")
-        self._parameters = new
-        self._robots.set_parameters(new, bool(changed.intersection(GAINS)))
-
-    @property
-    def policy(self) -> Policy:
-        """The first of the estimators; another one may be set between two ticks.
-
-        Raises:
-            ControllerError: it was trained beside another adaptation.
-        """
-        return self._robots.policies[0]
-
-    @policy.setter
-    def policy(self, policy: Policy) -> None:
-        self._check(policy)
-        self._robots.policies[0] = policy
-
-    def _check(self, policy: Policy) -> None:
-        own, runs = policy.adaptation, self.parameters.adaptation
-        if own not in (None, runs):
-            raise ControllerError(f"policy {policy.version} adds to adaptation {own}: expected {runs}")
+    robots: BatchController
+    _output: BatchOutput
 
     @property
     def memory(self) -> Values:
-        """What the next tick knows of this one, by the names of `StepFunctions`; it may be written to."""
-        return self._robots.memory[0]
-
-    @property
-    def steps(self) -> Values:
-        """What is kept from step to step, see `step_begin.kept_at_first`."""
-        return self.functions.steps(self.memory.steps)
+        """What the next tick knows of this one, by the names of `functions.memory`; it may be written to."""
+        return self.robots.memory[0]
 
     @property
     def settings(self) -> Values:
-        """What may change while it walks, by the names of `step.SETTINGS`; it may be written to."""
-        return self._robots.settings[0]
+        """What may change while it walks, by the names of `functions.settings`; it may be written to."""
+        return self.robots.settings[0]
 
     @property
     def unanswered(self) -> int:
         """Ticks since construction that the chosen solver did not answer itself."""
-        return self._robots.unanswered
+        return self.robots.unanswered
 
     def reset(self, seed: int) -> None:
-        """Begin an episode: left leg stands; the exploration noise starts from `seed`."""
-        self._robots.reset(0, seed)
+        """Begin an episode; the exploration noise starts from `seed`."""
+        self.robots.reset(0, seed)
 
     def compile(self, wait: bool = False) -> None:
         """Have the functions of a tick compiled in the background, or take them from the cache; `wait` for it.
 
         Without it that begins after some hundred ticks.
         """
-        f, is_inside = self.functions, self.solvers[0] == "daqp"
+        f, is_inside, policy = self.functions, self.solvers[0] == "daqp", self.robots.policies[0]
         after = (f.decide,) if is_inside else (f.data, f.finish)
         seeing = (f.stand, f.see) if self.estimators else (f.look,)
-        is_one = is_inside and not self.estimators and type(self.policy) is ZeroPolicy
+        is_one = is_inside and not self.estimators and type(policy) is ZeroPolicy
         for function in (f.step,) if is_one else (*seeing, *after):
             function.compile(wait)
-        if isinstance(self.policy, ActorPolicy):
+        if isinstance(policy, ActorPolicy):
             NETWORK.compile(wait)
-
-    def rehearse(self) -> None:
-        """Compute a tick that nobody walks, so that the first one that counts finds its functions made.
-
-        For a controller that walks in real time. An episode begins with `reset`.
-        """
-        self.compile()
-        stone = StonePreview(1, 0.3, 0.4) if self.parameters.terrain == "stones" else None
-        self.step(RobotState(0, *self._start, np.zeros((2, 2)), np.zeros(2, dtype=bool), 0, stone))
-        self.reset(0)
 
     def step(self, state: RobotState) -> ControllerOutput:
         """One tick: the torque, and all that others read of it; raises `ControllerError`."""
@@ -150,23 +85,8 @@ class Controller(ControllerParts):
             ControllerError: a state of the wrong shape, not finite, or without the preview of the next stone; a policy
                 that gives no output error where the objective needs it.
         """
-        self._output = sound(self._robots.step(checked(state)))
-        self._seen: BatchScene | None = None
+        self._output = sound(self.robots.step(checked(state, self.functions.reading.sizes)))
         return self._output.act(0)
-
-    def see(self, state: RobotState) -> str:
-        """Take a state in: which leg stands, the step's outputs, `scene`. Why the episode must end, or nothing."""
-        self._seen = sound(self._robots.look(checked(state)))
-        return self._seen.faults.get(0, "")
-
-    def look(self, state: RobotState) -> Scene:
-        """What is seen of a state, with the present stance leg; the next tick does not know of it."""
-        return sound(self._robots.look(checked(state), is_kept=False))[0]
-
-    @property
-    def scene(self) -> Scene:
-        """Of the last tick."""
-        return (self._seen or self._output.scene)[0]
 
     @property
     def decided(self) -> Decided:
@@ -188,11 +108,109 @@ class Controller(ControllerParts):
         return self._output[0]
 
 
-def checked(state: RobotState) -> RobotState:
+class Controller(OneRobot):
+    """One controller of RABBIT with its parameters, gait and policy.
+
+    `further`: quantities of your own, made of RABBIT's symbols, with rows in the QP and without estimates. `urdf`
+    replaces RABBIT's as the nominal model (the same joints and feet). After a tick, `scene`, `parts` and `estimates`
+    (each estimator's and their sum) and `decided` have all of it. One object serves one thread.
+    """
+
+    def __init__(
+        self,
+        parameters: ControllerParameters,
+        gait: Gaits,
+        policy: Policy,
+        further: Further = nothing_further,
+        urdf: str | None = None,
+    ) -> None:
+        self._kind = find_kind(parameters.controller)
+        super().__init__(*rabbit_parts(parameters, gait, further, urdf), parameters, self._kind.estimators(parameters))
+        self._check(policy)
+        self._start, self.shape, self.robots = gait.x_start, Shape.of(gait), BatchController(self, [policy])
+
+    @property
+    def parameters(self) -> ControllerParameters:
+        """Others may be set between two ticks, if they differ in nothing but `DYNAMIC`.
+
+        Raises:
+            ControllerError: any other difference needs a new controller.
+        """
+        parameters: ControllerParameters = self._parameters
+        return parameters
+
+    @parameters.setter
+    def parameters(self, new: ControllerParameters) -> None:
+        names = type(new).model_fields
+        changed = {name for name in names if getattr(new, name) != getattr(self._parameters, name)}
+        own = self._kind.estimators(new)  # they keep the gains that they were made with
+        dynamic = {*DYNAMIC}.difference(GAINS if own else ())
+        if fixed := changed - dynamic:
+            raise ControllerError(f"{', '.join(sorted(fixed))}: expected no change, which needs a new controller")
+        self._parameters = new
+        self.robots.set_parameters(new, bool(changed.intersection(GAINS)))
+
+    @property
+    def policy(self) -> Policy:
+        """The first of the estimators; another one may be set between two ticks.
+
+        Raises:
+            ControllerError: it was trained beside another adaptation.
+        """
+        return self.robots.policies[0]
+
+    @policy.setter
+    def policy(self, policy: Policy) -> None:
+        self._check(policy)
+        self.robots.policies[0] = policy
+
+    def _check(self, policy: Policy) -> None:
+        own, runs = policy.adaptation, self.parameters.adaptation
+        if own not in (None, runs):
+            raise ControllerError(f"policy {policy.version} adds to adaptation {own}: expected {runs}")
+
+    @property
+    def steps(self) -> Values:
+        """What is kept from step to step, see `step_begin.kept_at_first`."""
+        functions = self.functions
+        assert isinstance(functions, RabbitStep)
+        return functions.steps(self.memory.steps)
+
+    def rehearse(self) -> None:
+        """Compute a tick that nobody walks, so that the first one that counts finds its functions made.
+
+        For a controller that walks in real time. An episode begins with `reset`.
+        """
+        self.compile()
+        stone = StonePreview(1, 0.3, 0.4) if self.parameters.terrain == "stones" else None
+        self.step(RobotState(0, *self._start, np.zeros((2, 2)), np.zeros(2, dtype=bool), 0, stone))
+        self.reset(0)
+
+    def act(self, state: RobotState) -> Acted:
+        """See `OneRobot`."""
+        self._seen: BatchScene | None = None
+        return super().act(state)
+
+    def see(self, state: RobotState) -> str:
+        """Take a state in: which leg stands, the step's outputs, `scene`. Why the episode must end, or nothing."""
+        self._seen = sound(self.robots.look(checked(state)))
+        return self._seen.faults.get(0, "")
+
+    def look(self, state: RobotState) -> Scene:
+        """What is seen of a state, with the present stance leg; the next tick does not know of it."""
+        return sound(self.robots.look(checked(state), is_kept=False))[0]
+
+    @property
+    def scene(self) -> Scene:
+        """Of the last tick."""
+        return (self._seen or self._output.scene)[0]
+
+
+def checked(state: RobotState, sizes: Mapping[str, int] = READING) -> RobotState:
     """A state of the right shape; raises `ControllerError`."""
     for name in ("q", "dq"):
-        if (value := getattr(state, name)).shape != (DOF,):
-            raise ControllerError(f"state.{name} = {value}: expected {DOF} finite values")
+        if (value := getattr(state, name)).shape != (sizes[name],):
+            raise ControllerError(f"state.{name} = {value}: expected {sizes[name]} finite values")
     return state
 
 

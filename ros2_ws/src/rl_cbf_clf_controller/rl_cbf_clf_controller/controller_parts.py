@@ -1,19 +1,22 @@
 """What one controller is made of, however many robots it walks: its QP, its functions, its estimators."""
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 from cbf_clf_qp.answer import OsqpSolver, Solver, guarded
 from cbf_clf_qp.estimates import Estimates, model_error
 from cbf_clf_qp.functions import one_at_a_time
 from cbf_clf_qp.quantity import Constrained
+from cbf_clf_qp.tick import Tick
 from rabbit_description.gait import Gaits
 from rabbit_description.state import Array
 
 from rl_cbf_clf_controller.kinds import find_kind
 from rl_cbf_clf_controller.parameters import ControllerParameters
+from rl_cbf_clf_controller.rabbit_step import RabbitStep
 from rl_cbf_clf_controller.recipes import barriers_of, make_tick
 from rl_cbf_clf_controller.robot_numbers import read_robot
-from rl_cbf_clf_controller.scene import ControllerError
+from rl_cbf_clf_controller.scene import ControllerError, Estimator
 from rl_cbf_clf_controller.step import StepFunctions
 from rl_cbf_clf_controller.step_paths import Shape
 from rl_cbf_clf_controller.uncertainty import STATE_OBSERVATION
@@ -30,38 +33,44 @@ def nothing_further(walking: Walking) -> Sequence[Constrained]:
 
 
 class ControllerParts:
-    """Parts by their names; see `Controller` for the arguments."""
+    """Of any robot.
 
-    @one_at_a_time
-    def __init__(self, parameters: ControllerParameters, gait: Gaits, further: Further, urdf: str | None) -> None:
-        self._kind = find_kind(parameters.controller)
-        self._needs_output_error = parameters.objective == "pd_centred" and not self._kind.problem.corrects_input
-        walking, robot = Walking(), read_robot(urdf)
-        added = further(walking)
-        self.qp = make_tick(walking, parameters, added)
-        self.barrier_names = tuple(barriers_of([*self._kind.quantities(walking, parameters), *added]))
-        self.model_error = model_error(self.qp.terms)
-        self.functions = StepFunctions(walking, self.qp, parameters, robot, gait)
-        self.places = {name: place for name, (place, _) in self.functions.report.places.items()}
-        self._start, self.shape = gait.x_start, Shape.of(gait)
-        on_stones = parameters.terrain == "stones"
-        self.observed = len(STATE_OBSERVATION) + (1 + (not self.shape.is_single) if on_stones else 0)
+    Args:
+        tick: the controller's QP.
+        functions: its tick as one function.
+        barrier_names: of all that `seen` has barriers of.
+        observed: how many observations there are.
+        parameters: with `objective`, `adaptation`, `qp_solver`, `sigma`, and `functions.settings` by their names.
+        estimators: those outside the function.
+    """
+
+    def __init__(
+        self,
+        tick: Tick,
+        functions: StepFunctions,
+        barrier_names: Sequence[str],
+        observed: int,
+        parameters: Any,
+        estimators: Sequence[Estimator] = (),
+    ) -> None:
+        self.qp, self.functions, self.barrier_names = tick, functions, tuple(barrier_names)
+        self.observed, self.estimators, self._parameters = observed, estimators, parameters
+        self.model_error = model_error(tick.terms)
+        self.places = {name: place for name, (place, _) in functions.report.places.items()}
         self.output_places = at = OutputPlaces(self)
         self.learned_from = at.arrays["observation"], at.arrays["LgV"]  # of a report
         self.acted_at = self.places["mu"], self.places["mu_qp"], self.places["saturated"].start
-        self.is_valid = self.functions.answer.places["is_valid"][0].start
+        self.is_valid = functions.answer.places["is_valid"][0].start
         self.solvers = guarded(parameters.qp_solver)
-        self._parameters = parameters
-        self.estimators = self._kind.estimators(parameters)
 
     @property
-    def parameters(self) -> ControllerParameters:
-        """Of them only `DYNAMIC` ones change."""
+    def parameters(self) -> Any:
+        """Of them only some change, by their setter."""
         return self._parameters
 
     def first_memory(self) -> Array:
         """With which an episode begins."""
-        return self.functions.first(self._parameters.eps)
+        return self.functions.first(self._parameters)
 
     def make_solver(self, name: str) -> Solver:
         """One of the QP outside the step's function: `osqp`."""
@@ -69,8 +78,23 @@ class ControllerParts:
 
     def check_estimates(self, total: Estimates) -> None:
         """Raises `ControllerError` where the objective needs an output error, and none is known."""
-        if total.output_error is None and self._needs_output_error:
-            raise ControllerError("objective pd_centred: expected a structured policy, which gives the output error")
+        if total.output_error is None and self.qp.needs_output_error:
+            objective = self.parameters.objective
+            raise ControllerError(f"objective {objective}: expected a structured policy, which gives the output error")
+
+
+@one_at_a_time
+def rabbit_parts(
+    parameters: ControllerParameters, gait: Gaits, further: Further, urdf: str | None
+) -> tuple[Tick, StepFunctions, Sequence[str], int]:
+    """Of RABBIT: the QP, its functions, the names of its barriers, how many observations there are."""
+    kind, walking, robot = find_kind(parameters.controller), Walking(), read_robot(urdf)
+    added = further(walking)
+    tick = make_tick(walking, parameters, added)
+    names = barriers_of([*kind.quantities(walking, parameters), *added])
+    on_stones = parameters.terrain == "stones"
+    observed = len(STATE_OBSERVATION) + (1 + (not Shape.of(gait).is_single) if on_stones else 0)
+    return tick, RabbitStep(walking, tick, parameters, robot, gait), tuple(names), observed
 
 
 class OutputPlaces:

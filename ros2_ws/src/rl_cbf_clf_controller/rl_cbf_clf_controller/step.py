@@ -1,51 +1,27 @@
 """One tick of a controller as one function of rows of numbers:  memory, report = step(memory, reading, settings).
 
-    stand    reading -> which leg stands, whether a step begins, the state in stance/swing order
-    begin    what happens once a step: its path, where the stance foot stands (`step_begin.py`)
+    stand    reading -> what may be refused; of a walker which leg stands, whether a step begins, the state in its order
     see      scene: what is seen of the state, the identified robot, all of the QP that no estimate changes
     decide   scene, estimates -> the QP by DAQP, exploration, the torque within its limit
 
-`step` is these four, one after another, with the identified robot's estimates or none. Where a policy is asked, it is
+`step` is these three, one after another, with the identified robot's estimates or none. Where a policy is asked, it is
 asked between `see` and `decide`. Where another solver is, it solves `data`, and `finish` does the rest of `decide`.
 All are CasADi functions without a constant that may change as the robot walks; so they run in CasADi's virtual machine,
-as C, for one robot or many, and always give the same bits.
+as C, for one robot or many, and always give the same bits. `rabbit_step.py` says what RABBIT sees, `task_step.py` what
+a control task does.
 """
 
 from collections.abc import Mapping
-from dataclasses import fields
 from typing import Any
 
 import casadi as ca
 import numpy as np
-from cbf_clf_qp.answer import TOLERANCE, by_daqp
-from cbf_clf_qp.estimates import model_error
-from cbf_clf_qp.functions import Layout, NumpyFunction, is_finite, places_of, values_type
+from cbf_clf_qp.answer import TOLERANCE, Answering, by_daqp
+from cbf_clf_qp.functions import Layout, NumpyFunction, is_finite
 from cbf_clf_qp.tick import Tick
-from rabbit_description.gait import Gaits
-from rabbit_description.planar_urdf import SLIDES
-from rabbit_description.state import DOF, FEET, JOINTS, SWAP_STATE, SWAP_TORQUE, Array, StonePreview, no_torque
+from rabbit_description.state import Array
 
-from rl_cbf_clf_controller.identification import LATE_TORQUE, window
-from rl_cbf_clf_controller.identified_robot import after_tick, first_known
-from rl_cbf_clf_controller.joint_calibration import OFFSETS
-from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_cbf_clf_controller.robot_numbers import Feet, RobotNumbers
-from rl_cbf_clf_controller.state_prediction import prediction_function
-from rl_cbf_clf_controller.step_begin import kept_at_first, step_functions
-from rl_cbf_clf_controller.step_paths import GaitExpressions, Shape, gait_row
-from rl_cbf_clf_controller.tick_functions import tick_functions
-from rl_cbf_clf_controller.walking import GAINS, Walking
-
-NEVER = -2  # a tick that none follows
 ROUNDING = 1e-6  # N m, by which the QP may be over the limit
-CARRIED = 20.0  # N; a foot that presses less may be falling
-FARTHEST_STONE, HIGHEST_STONE = 2.0, 0.5  # m; the latter up or down
-FORCES = len(FEET) * SLIDES  # tangential and normal
-READING = {
-    **{"tick": 1, "touchdowns": 1, "q": DOF, "dq": DOF, "foot_force": FORCES, "contact": len(FEET)},
-    **{"applied": JOINTS, "stone": len(fields(StonePreview)), "noise": JOINTS},
-}
-SETTINGS = ("swap_time", "swap_phase", "doubt_eps", "late_margin", "stone_aim", "slope_change", *GAINS)
 # why a state is refused, or an episode must end
 Q, DQ, STONE = 1, 2, 3
 DISAGREEMENT, UNSOLVED, NOT_FINITE = 1, 2, 3
@@ -69,85 +45,18 @@ def symbols(sizes: Mapping[str, int]) -> dict[str, ca.SX]:
     return {name: ca.SX.sym(name, size) for name, size in sizes.items()}
 
 
-def stand_function(walking: Walking, on_stones: bool, tick_seconds: float) -> NumpyFunction:
-    """Which leg stands, and the state in stance/swing order, of memory, reading and settings; see the module."""
-    sizes = {"stance": 1, "index": 1, "start": 1, "seconds": 1, "has_begun": 1, "last_tick": 1, "phase_scale": 2}
-    sizes |= {"torque": JOINTS, "held": JOINTS, "offsets": 2, "swap_time": 1, "swap_phase": 1}
-    s = symbols({**sizes, **{name: READING[name] for name in READING if name != "noise"}})
-    q = s["q"] - ca.DM(OFFSETS) @ s["offsets"]
-    tick, is_right = s["tick"], s["stance"]
-    is_known = is_finite(s["applied"])
-    held = ca.if_else(is_known, s["applied"], s["held"])
-    torque = ca.if_else(is_known, ordered(s["applied"], SWAP_TORQUE, is_right), s["torque"])
-    seconds = (tick - s["start"]) * tick_seconds
-    phase_of = [walking.robot.q, walking.outputs.parameters["phase_scale"]]
-    (in_phase,) = ca.substitute([walking.outputs.phase], phase_of, [ordered(q, SWAP_STATE, is_right), s["phase_scale"]])
-    down = ca.if_else(is_right, s["contact"][0], s["contact"][1])
-    swaps = ca.logic_and(down, ca.logic_and(seconds > s["swap_time"], in_phase > s["swap_phase"]))
-    stance = ca.if_else(swaps, 1 - is_right, is_right)
-    refused = ca.if_else(is_finite(s["q"]), ca.if_else(is_finite(s["dq"]), 0, DQ), Q)
-    if on_stones:
-        index, near, far, height = ca.vertsplit(s["stone"])
-        is_stone = ca.logic_and(index == s["touchdowns"] + 1, ca.fabs(height) <= HIGHEST_STONE)
-        is_stone = ca.logic_and(is_stone, ca.logic_and(ca.logic_and(near > 0, near < far), far < FARTHEST_STONE))
-        refused = ca.if_else(refused, refused, ca.if_else(is_stone, 0, STONE))
-    force = ca.if_else(stance, s["foot_force"][[2, 3, 0, 1]], s["foot_force"])
-    found = {
-        "refused": refused,
-        "stance": stance,
-        "index": s["index"] + swaps,
-        "start": ca.if_else(swaps, tick, s["start"]),
-        "seconds": ca.if_else(swaps, seconds, s["seconds"]),
-        "begins": ca.logic_and(ca.logic_not(refused), ca.logic_or(swaps, ca.logic_not(s["has_begun"]))),
-        "last_tick": ca.if_else(swaps, NEVER, s["last_tick"]),
-        "torque": ca.if_else(swaps, ca.DM(no_torque()), torque),
-        "held": held,
-        "held_now": ordered(held, SWAP_TORQUE, stance),
-        "x": ca.vertcat(ordered(q, SWAP_STATE, stance), ordered(s["dq"], SWAP_STATE, stance)),
-        "force": force,
-    }
-    return NumpyFunction.of("stand", s, found)
-
-
 def ordered(values: ca.SX, swapped: Any, is_right: ca.SX) -> ca.SX:
     """From left/right to stance/swing order, or back."""
     return ca.if_else(is_right, values[swapped.tolist()], values)
 
 
-def tracking_function(robot: RobotNumbers, tracks: bool) -> NumpyFunction:
-    """How far the stance foot has `moved` since it came down, m, and the `stone` in sight less that."""
-    s = symbols({"x": 2 * DOF, "force": FORCES, "place": 2, "moved": 2, "carries": 1, "stone": 3, "stone_before": 3})
-    carries = s["force"][1] > CARRIED
-    feet = Feet(robot)
-    stand = feet.function.function(s["x"][:DOF], *(ca.DM(np.ravel(each)) for each in feet.lengths))
-    place = stand[feet.function.places["stance"][0]]
-    moved = ca.if_else(ca.logic_and(carries, s["carries"]), s["moved"], place - s["place"])
-    stone = s["stone"] - ca.vertcat(moved[0], moved[0], moved[1]) if tracks else s["stone"]
-    found = {"moved": moved, "carries": carries} if tracks else {"moved": s["moved"], "carries": s["carries"]}
-    found["stone"] = ca.if_else(is_finite(s["stone"]), stone, s["stone_before"])
-    return NumpyFunction.of("tracking", s, found)
-
-
-def tune_function() -> NumpyFunction:
-    """The gains that depend on the identified robot."""
-    names = "lateness", "disbelief", "eps", "doubt_eps", "torque_change_weight", "stone_margin", "late_margin"
-    s = symbols(dict.fromkeys(names, 1))
-    late, doubts = s["lateness"], s["disbelief"]
-    found = {
-        "eps": (1 - doubts) * s["eps"] + doubts * s["doubt_eps"],
-        "torque_change_weight": late * s["torque_change_weight"],
-        "stone_margin": s["stone_margin"] + late * s["late_margin"],
-    }
-    return NumpyFunction.of("tune", s, found)
-
-
-def act_function() -> NumpyFunction:
-    """What was decided, with exploration, within the torque limit."""
-    sizes = {"residual": 1, "tolerance": 1, "mu": JOINTS, "u": JOINTS, "control_a": JOINTS**2, "control_b": JOINTS}
-    sizes |= {"noise": JOINTS, "torque_limit": 1, "stance": 1, "index": 1, "touchdowns": 1, "refused": 1}
+def act_function(m: int, swapped: Any) -> NumpyFunction:
+    """What was decided of m inputs, with exploration, within the limit; `swapped`: their order for the other leg."""
+    sizes = {"residual": 1, "tolerance": 1, "mu": m, "u": m, "control_a": m**2, "control_b": m}
+    sizes |= {"noise": m, "torque_limit": 1, "stance": 1, "index": 1, "touchdowns": 1, "refused": 1}
     s = symbols(sizes)
     solved, limit = s["residual"] < s["tolerance"], s["torque_limit"]
-    a, b = ca.reshape(s["control_a"], JOINTS, JOINTS).T, s["control_b"]
+    a, b = ca.reshape(s["control_a"], m, m).T, s["control_b"]
     mu_qp = ca.if_else(solved, s["mu"], 0)
     explores = ca.mmax(ca.fabs(s["noise"])) > 0
     mu = ca.if_else(explores, mu_qp + s["noise"], mu_qp)
@@ -160,138 +69,52 @@ def act_function() -> NumpyFunction:
     fault = ca.if_else(sound, ca.if_else(solved, 0, UNSOLVED), ca.if_else(solved, NOT_FINITE, UNSOLVED))
     fault = ca.if_else(s["touchdowns"] != s["index"], DISAGREEMENT, fault)
     torque, mu, mu_qp = (ca.if_else(sound, each, 0) for each in (torque, mu, mu_qp))
-    found = {"stance_torque": torque, "command": ordered(torque, SWAP_TORQUE, s["stance"]), "mu": mu, "mu_qp": mu_qp}
+    found = {"stance_torque": torque, "command": ordered(torque, swapped, s["stance"]), "mu": mu, "mu_qp": mu_qp}
     found |= {"saturated": ca.logic_and(saturated, sound), "solved": solved, "fault": fault, "wanted": wanted}
     found["is_sound"] = ca.logic_not(ca.logic_or(s["refused"], fault))
     return NumpyFunction.of("act", s, found)
 
 
 class StepFunctions:
-    """The functions of a tick, see the module, of one controller; `gaits`: the numbers of its gait or library.
+    """The functions of a tick, see the module. What a subclass sees of a state it says in `stand` and `see`.
 
     Each gives a row, with the layout `memory`, `scene` (of `see`), `acted` (of `decide` and `finish`) or `report` (of
-    `step`: both). `seen`, `answer`: the functions whose rows are in a scene, and in what was `acted`.
+    `step`: both). `seen`, `answer`: the functions whose rows are in a scene, and in what was `acted`; `kept`: what a
+    scene keeps for the next tick; `gaits`: numbers that stay as they are.
     """
 
-    def __init__(
-        self, walking: Walking, tick: Tick, parameters: ControllerParameters, robot: RobotNumbers, gaits: Gaits
-    ) -> None:
-        self._walking, self._tick, self._parameters, self._robot = walking, tick, parameters, robot
-        self.identifies, self._on_stones = parameters.adaptation == "identification", parameters.terrain == "stones"
-        self._after = after_tick(robot, parameters.doubt_eps > 0, parameters.tick_seconds) if self.identifies else None
-        self.known = self._after.places if self._after else {}  # of the identified robot, in `known` of the memory
-        self.seen, answering, left = tick_functions(walking, tick, parameters.tick_seconds)
+    stand: NumpyFunction
+    see: NumpyFunction
+    seen: NumpyFunction
+    kept: Layout
+    gaits: Array
+    identifies = False
+
+    def first(self, parameters: Any) -> Array:
+        """The memory with which an episode begins."""
+        return np.zeros(self.memory.size)
+
+    def declare(self, tick: Tick, answering: Answering, memory: Layout, reading: Layout, settings: Layout) -> None:
+        """The rows that are given, and their symbols."""
         self.programme, self.answer = answering.programme, answering.reading
-        shape = Shape.of(gaits)
-        first, begin = step_functions(shape, parameters.speed_regulation)
-        self.steps = values_type(places_of(kept_at_first(GaitExpressions(shape), shape)))  # of `steps` in the memory
-        self.gaits = gait_row(gaits)
-        self._first = [np.array(each).ravel() for each in first(self.gaits)]
-        steps = {"path": begin.numel_out("path"), "phase_scale": 2, "steps": begin.numel_out("steps_after"), "place": 2}
-        steps |= {"moved": 2, "carries": 1, "has_begun": 1}
-        known = sum(place.stop - place.start for place, _ in self.known.values())
-        sizes = {"stance": 1, "index": 1, "start": 1, "seconds": 1, **steps, "stone": 3, "eps": 1, "last_tick": 1}
-        self.memory = Layout(sizes | {"left": left, "known": known, "torque": JOINTS, "held": JOINTS})
-        self.reading, self.settings = Layout(READING), Layout(dict.fromkeys(SETTINGS, 1))
+        self.memory, self.reading, self.settings = memory, reading, settings
         n, m = len(tick.names), tick.terms.inputs
         self.estimates = Layout({"alpha": n * m, "beta": n, "output_error": m * (m + 1)})
-        rows = {"memory": self.memory.size, "reading": self.reading.size, "settings": self.settings.size}
+        rows = {"memory": memory.size, "reading": reading.size, "settings": settings.size}
         self._rows = {name: ca.MX.sym(name, size) for name, size in rows.items()}
         self._gaits = ca.MX.sym("gaits", self.gaits.size)
         self._given = [getattr(self, name).parts(row) for name, row in self._rows.items()]
-        self.stand = self._stand()
-        self.see = self._see(begin, Layout(steps))
-        self.data, self.finish, self.decide = self._decide()
-        self.look, self.step = self._step()
 
-    def first(self, eps: float) -> Array:
-        """The memory with which an episode begins."""
-        path, phase_scale, steps = self._first
-        values: dict[str, Any] = {"seconds": np.nan, "carries": 1.0, "eps": eps, "last_tick": NEVER, "left": np.nan}
-        values |= {"path": path, "phase_scale": phase_scale, "steps": steps, "torque": no_torque()}
-        if self.identifies:
-            values["known"] = np.concatenate([np.ravel(value) for value in first_known(self._robot).values()])
-        row = np.zeros(self.memory.size)
-        for name, value in values.items():
-            row[self.memory.places[name][0]] = value
-        return row
-
-    def _stand(self) -> NumpyFunction:
-        memory, reading, settings = self._given
-        offsets = memory["known"][self.known["offsets"][0]] if self.known else ca.DM.zeros(2)
-        function = stand_function(self._walking, self._on_stones, self._parameters.tick_seconds)
-        return made("stand", self._rows, call(function, {**memory, **settings, **reading, "offsets": offsets}))
-
-    def _see(self, begin: ca.Function, steps: Layout) -> NumpyFunction:
-        """`scene`, and in it what is `kept` for the next tick."""
-        p, robot, walking, (memory, reading, settings) = self._parameters, self._robot, self._walking, self._given
-        stood_row = ca.MX.sym("stood", self.stand.row.size)
-        stood = Layout.of(self.stand).parts(stood_row)
-        begun = steps.parts(self._begun(begin, steps, stood))
-        places = {
-            "x": stood["x"],
-            "force": stood["force"],
-            "stone": reading["stone"][1:],
-            "stone_before": memory["stone"],
-        }
-        tracked = call(tracking_function(robot, p.stone_tracking and self._on_stones), {**begun, **places})
-        if not self._on_stones:
-            tracked["stone"] = memory["stone"]
-        gains, follows = {name: settings[name] for name in GAINS}, stood["last_tick"] == reading["tick"] - 1
-        x, was = stood["x"], {name: memory["known"][place] for name, (place, _) in self.known.items()}
-        if self._after:
-            gains |= call(tune_function(), {**settings, **{name: was[name] for name in ("lateness", "disbelief")}})
-            follows = ca.logic_and(follows, gains["eps"] == memory["eps"])  # else V has two gains
-        if p.prediction:
-            now = {"x": x, "robot": was["numbers"], "torque": stood["torque"], "lag": was["used"][LATE_TORQUE]}
-            is_known = ca.fabs(ca.sum1(stood["torque"])) < ca.inf
-            x = ca.if_else(is_known, call(prediction_function(window(p.tick_seconds)), now)["x"], x)
-        given = {**gains, "phase_scale": begun["phase_scale"], "step_length": begun["steps"][0]}
-        given |= dict(zip(("l_min", "l_max", "height"), ca.vertsplit(tracked["stone"]), strict=True))
-        given |= {"force": stood["force"][:2], "held": stood["held_now"]}
-        given |= {name: ca.DM.zeros(JOINTS) for name in walking.outputs.parameters if name not in given}  # of the path
-        row = ca.vertcat(ca.DM(robot.row), *(given[name] for name in walking.system.named if name in given))
-        before = ca.if_else(follows, memory["left"], ca.DM.nan(memory["left"].numel()))
-        seen_row = self.seen.function(x, row, begun["path"], stood["torque"], before)
-        seen = Layout.of(self.seen).parts(seen_row)
-        kept = {**begun, **tracked, "eps": gains["eps"], "last_tick": reading["tick"], "left": seen["leaves"]}
-        kept |= {name: stood[name] for name in ("stance", "index", "start", "seconds")} | {"known": memory["known"]}
-        scene = {"seen": seen_row, "x": x} | {name: stood[name] for name in ("force", "torque", "stance", "index")}
-        scene |= {name: reading[name] for name in ("tick", "touchdowns")}
-        scene |= {"refused": stood["refused"], "step_time": (reading["tick"] - stood["start"]) * p.tick_seconds}
-        if self._after:
-            lengths = {"joints": ca.DM(robot.joints.ravel()), "feet": ca.DM(robot.feet.ravel())}
-            now = {**{name: stood[name] for name in ("x", "force", "torque")}, **lengths, "tick": reading["tick"]}
-            found = call(self._after, now | {"known": memory["known"]})
-            kept["known"] = ca.vertcat(*found.values())
-            other = ca.vertcat(found["numbers"], seen["p"][robot.row.size :])
-            scene["adapted"] = model_error(self._tick.terms).function(x, seen["p"], other)
-            scene["identified"] = ca.vertcat(found["used"], found["offsets"], found["doubts"][0])
-        self.kept = Layout({name: self.memory.sizes[name] for name in self.memory.sizes if name in kept})
-        scene["kept"] = self.kept.joined(kept)
+    def seeing(self, stood_row: ca.MX, scene: Mapping[str, Any]) -> NumpyFunction:
+        """`see`, of what there was to stand on."""
         return made("see", {**self._rows, "gaits": self._gaits, "stood": stood_row}, scene)
 
-    def _begun(self, begin: ca.Function, steps: Layout, stood: Mapping[str, ca.MX]) -> ca.MX:
-        """What is known of this step: of the memory, or, where a step begins, by `begin`."""
-        memory, reading, settings = self._given
-        robot = {name: ca.DM(getattr(self._robot, name).ravel()) for name in ("joints", "feet")}
-        given = {**settings, **robot, "x": stood["x"], "seconds": stood["seconds"], "stone": reading["stone"][1:]}
-        given |= {"steps": memory["steps"], "aim": settings["stone_aim"], "gaits": self._gaits}
-        if not self._on_stones:
-            given["stone"] = ca.DM.nan(3)
-        arguments = [given[name] for name in begin.name_in()]
-        symbols = [ca.MX.sym(name, value.numel()) for name, value in zip(begin.name_in(), arguments, strict=True)]
-        before = ca.MX.sym("before", steps.size)
-        path, phase_scale, after, place = begin(*symbols)
-        new: dict[str, Any] = {"path": path, "phase_scale": phase_scale, "steps": after, "place": place}
-        new |= {"moved": ca.DM.zeros(2), "carries": ca.DM(1), "has_begun": ca.DM(1)}
-        begins = ca.Function("begins", [*symbols, before], [steps.joined(new)])
-        goes_on = ca.Function("goes_on", [*symbols, before], [ca.MX(before)])
-        either = ca.Function.if_else("begun", begins, goes_on)
-        row: ca.MX = either(stood["begins"], *arguments, steps.joined(memory))
-        return row
+    def compose(self, swapped: Any) -> None:
+        """Of `stand` and `see` the other functions; `swapped`: the order of inputs for the other leg."""
+        self.data, self.finish, self.decide = self._decide(swapped)
+        self.look, self.step = self._step()
 
-    def _decide(self) -> tuple[NumpyFunction, ...]:
+    def _decide(self, swapped: Any) -> tuple[NumpyFunction, ...]:
         """`data` of the QP; `finish`, with an answer to it; `decide`, with DAQP's."""
         self.scene = Layout.of(self.see)
         _, reading, settings = self._given
@@ -307,7 +130,8 @@ class StepFunctions:
         )
         answer_row = self.answer.function(data_row, x, y)
         answer = Layout.of(self.answer).parts(answer_row)
-        acted = call(act_function(), {**settings, **reading, **scene, **answer, "tolerance": tolerance})
+        acts = act_function(self.reading.sizes["noise"], swapped)
+        acted = call(acts, {**settings, **reading, **scene, **answer, "tolerance": tolerance})
         memory = {**self.kept.parts(scene["kept"]), "torque": acted["stance_torque"], "held": acted["command"]}
         report = {"memory": self.memory.joined(memory), **acted, "answer": answer_row}
         given = {"reading": self._rows["reading"], "settings": self._rows["settings"], "scene": scene_row}

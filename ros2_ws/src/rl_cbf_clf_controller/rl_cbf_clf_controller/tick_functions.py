@@ -27,19 +27,23 @@ def tick_functions(
 
     `before`: `leaves` of the last tick, NaN where there is none; `torque`: of the last tick, (4,), N m.
     """
-    system, terms = tick.system, tick.terms
-    names, values = zip(*tick.data.items(), strict=True)
-    parts, given, prepared = parted(values, ca.vertcat(system.x, system.p))
-    estimates = {name: terms.symbols[name] for name in ("alpha", "beta", "output_error")}
-    data = dict(zip(names, parts, strict=True))
-    answer = Answering({"prepared": given, **estimates}, data, tick.layout, tick.answer.solver)
-    leaves, before, means = measuring(terms, tick_seconds)
+    system, (answer, prepared) = tick.system, answering(tick)
+    leaves, before, means = measuring(tick.terms, tick_seconds)
     inputs = {"x": system.x, "p": system.p, "path": packed(walking.outputs.path), "torque": system.u, "before": before}
     shown = {**tick.reads, "mu_held": walking.output_dynamics(system.u), "measured": means, "leaves": leaves}
     shown |= {"p": system.p, "prepared": prepared}
     along = walking.outputs.along_path([*shown.values()])
     look = NumpyFunction.of("look", inputs, dict(zip(shown, along, strict=True)), MATRICES)
     return look, answer, before.numel()
+
+
+def answering(tick: Tick) -> tuple[Answering, ca.SX]:
+    """The answer to the QP of `prepared` and the estimates; and what is prepared, of x and p."""
+    system, names = tick.system, [*tick.data]
+    parts, given, prepared = parted([*tick.data.values()], ca.vertcat(system.x, system.p))
+    estimates = {name: tick.terms.symbols[name] for name in ("alpha", "beta", "output_error")}
+    data = dict(zip(names, parts, strict=True))
+    return Answering({"prepared": given, **estimates}, data, tick.layout, tick.answer.solver), prepared
 
 
 def measuring(terms: Terms, tick_seconds: float = TICK_SECONDS) -> tuple[ca.SX, ca.SX, ca.SX]:

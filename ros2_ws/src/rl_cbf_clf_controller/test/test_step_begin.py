@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rabbit_description import GAITS, LIBRARIES
 from rabbit_description.gait import load_gaits, shipped
+from rl_cbf_clf_controller.rabbit_step import HIGHEST_STONE
 from rl_cbf_clf_controller.robot_numbers import Feet, read_robot
 from rl_cbf_clf_controller.speed_regulation import MOST
-from rl_cbf_clf_controller.step import HIGHEST_STONE
 from rl_cbf_clf_controller.step_begin import HIGHER, kept_at_first, step_functions
 from rl_cbf_clf_controller.step_landing import DEPTH, LATE
 from rl_cbf_clf_controller.step_paths import GaitExpressions, Shape, gait_row, shares
