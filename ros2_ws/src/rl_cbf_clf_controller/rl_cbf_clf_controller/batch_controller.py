@@ -219,7 +219,7 @@ class BatchController:
         found = dict[int, str]()
         for i in refused.nonzero()[0].tolist():
             state = states if isinstance(states, RobotState) else states[i]
-            found[i] = f"controller error: {why_refused(state, int(refused[i]))}"
+            found[i] = f"controller error: {self._why_refused(state, int(refused[i]))}"
         return found
 
     def decide(self, scene: BatchScene, estimates: Estimates | None = None, omega: Array | None = None) -> BatchOutput:
@@ -301,15 +301,14 @@ class BatchController:
                 found[i] = estimator.estimate(scene[i], before[i])
         return Estimates.of_many(found)
 
-
-def why_refused(state: RobotState, kind: int) -> str:
-    """In words."""
-    if kind in (Q, DQ):
-        name = "q" if kind == Q else "dq"
-        return f"state.{name} = {getattr(state, name)}: expected {DOF} finite values"
-    stone = state.preview
-    if stone is None or stone.index != state.touchdowns + 1:
-        return f"state.preview = {stone}: expected stone {state.touchdowns + 1}"
-    if not 0 < stone.l_min < stone.l_max < FARTHEST_STONE:
-        return f"state.preview = {stone}: expected 0 < l_min < l_max < {FARTHEST_STONE:g} m"
-    return f"state.preview = {stone}: expected a height of at most {HIGHEST_STONE:g} m"
+    def _why_refused(self, state: RobotState, kind: int) -> str:
+        """In words."""
+        if kind in (Q, DQ):
+            name = "q" if kind == Q else "dq"
+            return f"state.{name} = {getattr(state, name)}: expected {DOF} finite values"
+        stone = state.preview
+        if stone is None or stone.index != state.touchdowns + 1:
+            return f"state.preview = {stone}: expected stone {state.touchdowns + 1}"
+        if not 0 < stone.l_min < stone.l_max < FARTHEST_STONE:
+            return f"state.preview = {stone}: expected 0 < l_min < l_max < {FARTHEST_STONE:g} m"
+        return f"state.preview = {stone}: expected a height of at most {HIGHEST_STONE:g} m"

@@ -1,12 +1,14 @@
 """The controllers of a control task by name: nominal, oracle, a learned policy, or one of the task's own."""
 
-from functools import cached_property
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from cbf_clf_qp.answer import Decided
-from cbf_clf_qp.estimates import Estimates, measure, model_error
-from cbf_clf_qp.functions import Array, NumpyFunction, Values, places_of
+from cbf_clf_qp.estimates import Estimates
+from cbf_clf_qp.functions import Array, Values, one_at_a_time, places_of
 from rabbit_description import plugins
 from rabbit_description.state import Leg, RobotState
 from rabbit_description.task import ControlTask, TaskError
@@ -14,9 +16,15 @@ from rabbit_description.task_simulation import TaskSimulation
 from rabbit_description.task_state import p_of, x_of
 from rabbit_description.validation import one_of
 
+from rl_cbf_clf_controller.batch_controller import BatchController
+from rl_cbf_clf_controller.batch_functions import BatchFunction
+from rl_cbf_clf_controller.controller import OneRobot
 from rl_cbf_clf_controller.controller_output import NOTHING, ControllerOutput
-from rl_cbf_clf_controller.policy import ActorPolicy, LearnedPolicy
+from rl_cbf_clf_controller.policy import ActorPolicy, LearnedPolicy, Policy, ZeroPolicy
 from rl_cbf_clf_controller.problem import Problem
+from rl_cbf_clf_controller.scene import Scene
+from rl_cbf_clf_controller.step import DQ, Q
+from rl_cbf_clf_controller.task_step import TaskParameters, TaskStep
 from rl_cbf_clf_controller.weights import PolicyFile, PolicyFileError, read
 
 NOMINAL, ORACLE = "nominal", "oracle"
@@ -24,7 +32,80 @@ KINDS = "rabbit.task_controllers"  # entry points: functions of (task, path) tha
 Controlling = LearnedPolicy | str  # a policy, or a controller's name
 
 
-class TaskController:
+class TaskOracle(Policy):
+    """The exact errors of a plant with the `true` parameters, by name."""
+
+    version = ORACLE
+
+    def __init__(self, controller: "TaskController") -> None:
+        self._true, self._error = controller.true, BatchFunction(controller.model_error)
+        self._places = places_of(controller.task.system.named)
+
+    def values_of_many(self, x: Array, p: Array) -> Values:
+        """Of N states x (N, n) and the model's parameters p (N, k) there: rows of estimates."""
+        true = p.copy()
+        for name, value in self._true.items():
+            true[:, self._places[name][0]] = value
+        return self._error(x, p, true)
+
+    def estimate(self, scene: Scene, before: Estimates) -> Estimates:
+        """At a tick."""
+        found = self.values_of_many(scene.x[None], scene.p[None])[0]
+        return Estimates(found.alpha, found.beta, found.output_error)
+
+
+class TaskBatch(BatchController):
+    """N systems under copies of one task's controller, all with one policy."""
+
+    def __init__(self, controller: "TaskController", policies: list[Policy]) -> None:
+        self._task, self._drawn = controller.task, [0] * len(policies)
+        self._exploring = [np.random.default_rng(0)] * len(policies)
+        super().__init__(controller, policies)
+
+    def reset(self, i: int, seed: int) -> None:
+        """See `BatchController`."""
+        super().reset(i, seed)
+        self._exploring[i], self._drawn[i] = self._task.beginning(seed)[2], 0
+
+    def _only_policy(self) -> Any:
+        return self.policies[0]
+
+    def _learned(self, policy: Any, seen: Array) -> Array:
+        if isinstance(policy, TaskOracle):
+            places = self._one.functions
+            x, p = (seen[:, places.scene.places["x"][0]], self._rows.reading[:, places.reading.places["parameters"][0]])
+            return policy.values_of_many(x, p).row
+        return super()._learned(policy, seen)
+
+    def _read(self, states: Any) -> None:
+        given = self._given
+        for name in ("q", "dq", "parameters"):
+            given[name][...] = getattr(states, name)
+        self._tick[...], self._touchdowns[...] = states.tick, states.touchdowns
+
+    def _noise(self) -> Array:
+        """A tick's noise is the same whether or not the ticks before it were seen."""
+        if (sigma := self._parameters.sigma) > 0:
+            self._given["noise"][...] = [sigma * self._drawn_at(i, int(tick)) for i, tick in enumerate(self._tick)]
+        elif not self._is_silent:
+            self._given["noise"][...] = 0
+        self._is_silent = sigma == 0
+        omega: Array = self._given["noise"].copy()
+        return omega
+
+    def _drawn_at(self, i: int, tick: int) -> Array:
+        rng, m = self._exploring[i], self._silence.shape[1]
+        for _ in range(self._drawn[i], min(tick, self._task.ticks)):
+            rng.standard_normal(m)
+        self._drawn[i] = max(self._drawn[i], min(tick, self._task.ticks)) + 1
+        return rng.standard_normal(m)
+
+    def _why_refused(self, state: RobotState, kind: int) -> str:
+        name = {Q: "q", DQ: "dq"}.get(kind, "parameters")
+        return f"state.{name} = {getattr(state, name)}: expected finite numbers"
+
+
+class TaskController(OneRobot):
     """One controller of a task, as `Controller` is of RABBIT; `step` is called once a tick.
 
     `problem`: what is learned on the task. `policy`: who decides, see `controlling`; `sigma`: the deviation of what
@@ -32,17 +113,23 @@ class TaskController:
     they may change too. After a tick `estimates` and `decided` have all of it, None under a controller without a QP.
     """
 
+    @one_at_a_time
     def __init__(self, task: ControlTask, problem: Problem | None = None) -> None:
-        self.task, self.own, self.true, self.sigma = task, dict(task.controllers), dict(task.true), 0.0
+        self.task, self.own, self.true = task, dict(task.controllers), dict(task.true)
         terms, observed = task.tick.terms, tuple(task.observed)
         units = tuple((name, 0.0, 1.0) for name in observed)
         self.problem = problem or Problem(task.name, terms.inputs, terms.names, observed, units)
-        self.estimates: Estimates | None = None
-        self.decided: Decided | None = None
-        self._limit = np.inf if task.limit is None else task.limit
-        self._error, self._places = model_error(terms), places_of(task.system.named)
-        self.policy = NOMINAL
-        self.reset(0)
+        limit = np.inf if task.limit is None else task.limit
+        parameters = TaskParameters("own" if task.objective else "paper", limit)
+        names = [barrier.name for barrier in task.barriers]
+        super().__init__(task.tick, TaskStep(task), names, len(observed), parameters)
+        self._nominal = ZeroPolicy(self.problem)
+        self._nominal.version, self._oracle = NOMINAL, TaskOracle(self)
+        self.robots, self.policy = self.batch(1), NOMINAL
+
+    def batch(self, n: int) -> TaskBatch:
+        """N systems under this one."""
+        return TaskBatch(self, [self._nominal] * n)
 
     @property
     def policy(self) -> Controlling:
@@ -53,13 +140,24 @@ class TaskController:
     def policy(self, policy: Controlling) -> None:
         self._policy = policy
         self.version = policy if isinstance(policy, str) else policy.version
-        self.task.tick.reset()
+        self.robots.policies[0] = self.estimating(policy)
 
-    def reset(self, seed: int) -> None:
-        """Begin an episode; the exploration noise starts from `seed`."""
-        self.task.tick.reset()
-        self._exploring, self._drawn = self.task.beginning(seed)[2], 0
-        self._last: tuple[RobotState, Array] | None = None  # the state before, and the input there
+    def estimating(self, controlling: Controlling) -> Policy:
+        """Whose estimates the QP takes."""
+        if isinstance(controlling, LearnedPolicy):
+            return controlling
+        return self._oracle if controlling == ORACLE else self._nominal
+
+    @property
+    def sigma(self) -> float:
+        """Of exploration."""
+        sigma: float = self._parameters.sigma
+        return sigma
+
+    @sigma.setter
+    def sigma(self, sigma: float) -> None:
+        self._parameters = replace(self._parameters, sigma=sigma)
+        self.robots.set_parameters(self._parameters)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -100,95 +198,44 @@ class TaskController:
 
     def rehearse(self) -> None:
         """Compute a tick that nobody rides: the first call of a function takes longer."""
+        self.compile()
         self.step(TaskSimulation(self.task).reset(0))
         self.reset(0)
 
-    def output(self) -> ControllerOutput:
-        """All of the last tick."""
-        return self._output
-
     def step(self, state: RobotState) -> ControllerOutput:
         """One tick: the input, and all that others read of it; raises whatever a controller of the task raises."""
-        task, tick, x, p = self.task, self.task.tick, x_of(self.task, state), p_of(state)
-        seen = tick.look(x, p)
-        told = {
+        own = self.own.get(self.policy) if isinstance(self.policy, str) else None
+        self._without_qp = self._decided_by(own, state) if own else None
+        return self._without_qp or super().step(state)
+
+    def output(self) -> ControllerOutput:
+        """All of the last tick."""
+        return self._without_qp or super().output()
+
+    @property
+    def decided(self) -> Decided | None:  # type: ignore[override]
+        """Of the last tick."""
+        return None if self._without_qp else super().decided
+
+    @property
+    def estimates(self) -> Estimates | None:  # type: ignore[override]
+        """Of the last tick."""
+        return None if self._without_qp else super().estimates
+
+    def _decided_by(self, own: Any, state: RobotState) -> ControllerOutput:
+        """By a controller of the task's own, which has no QP."""
+        task, x, p = self.task, x_of(self.task, state), p_of(state)
+        seen, limit = task.tick.look(x, p), self.parameters.torque_limit
+        u = np.asarray(own(x, p), dtype=float).reshape(task.system.u.numel()).clip(-limit, limit)
+        fault = "" if np.isfinite(u).all() else f"u = {u}: expected finite numbers"
+        told: Mapping[str, Any] = {
             **{"tick": state.tick, "step_index": state.touchdowns, "step_time": state.tick * task.seconds},
             **{"stance": Leg.LEFT, "phase": np.nan, "barriers": seen.barriers, "observation": seen.observation},
-            **{"barrier_rates": seen.barriers * np.nan, "barrier_names": tuple(each.name for each in task.barriers)},
-            **({"V": seen.V.item(), "eta": seen.eta} if "V" in tick.names else {"V": np.nan, "eta": NOTHING}),
-            "policy_version": self.version,
+            **{"barrier_rates": seen.barriers * np.nan, "barrier_names": self.barrier_names},
+            **({"V": seen.V.item(), "eta": seen.eta} if "V" in task.tick.names else {"V": np.nan, "eta": NOTHING}),
+            **dict.fromkeys(("mu", "mu_qp", "omega", "alpha", "beta", "LgV"), NOTHING),
+            **{"quantities": (), "clf_slack": np.nan, "rescue_slack": np.nan, "active": (), "objective": ""},
+            **{"solver": "", "status": "", "answered": True, "solve_seconds": 0.0, "policy_version": self.version},
+            **{"torque": np.zeros_like(u) if fault else u, "saturated": bool(np.abs(u).max() >= limit)},
         }
-        own = self.own.get(self.policy) if isinstance(self.policy, str) else None
-        if own:
-            u = np.asarray(own(x, p), dtype=float).reshape(task.system.u.numel()).clip(-self._limit, self._limit)
-            told |= dict.fromkeys(("mu", "mu_qp", "omega", "alpha", "beta", "LgV"), NOTHING)
-            told |= {"quantities": (), "clf_slack": np.nan, "rescue_slack": np.nan, "active": (), "objective": ""}
-            told |= {"solver": "", "status": "", "answered": True, "solve_seconds": 0.0}
-            self.estimates = self.decided = None
-        else:
-            u, of_programme = self._by_programme(state, x, p, seen)
-            told |= of_programme
-        fault = "" if np.isfinite(u).all() else f"u = {u}: expected finite numbers"
-        if self.decided and not self.decided.solved:
-            fault = f"no solver answered: {self.decided.status}"
-        self._last = state, u
-        is_saturated = bool(np.abs(u).max() >= self._limit)
-        told |= {"torque": np.zeros_like(u) if fault else u, "saturated": is_saturated, "fault": fault}
-        self._output = ControllerOutput(**told)
-        return self._output
-
-    def _by_programme(self, state: RobotState, x: Array, p: Array, seen: Values) -> tuple[Array, dict[str, object]]:
-        """The input (m,) that the QP decides, and what is told of it; `measured` is NaN after an impact or a gap."""
-        task, tick = self.task, self.task.tick
-        LgV = seen.nominal_a[0] if self.problem.has_clf else np.zeros(self.problem.inputs)
-        self.estimates = estimates = self._estimates(x, p, seen, LgV)
-        self.decided = decided = tick.decide(x, p, estimates)
-        values, omega = decided.values, self.sigma * self._noise(state.tick)
-        mu = decided.mu + omega
-        u: Array = values.control_a @ mu + values.control_b
-        if np.abs(u).max() > self._limit:
-            u = u.clip(-self._limit, self._limit)
-            mu = np.linalg.solve(values.control_a, u - values.control_b)
-        mu_held, measured = np.full(self.problem.inputs, np.nan), np.full(len(tick.names), np.nan)
-        if self._last and (state.tick, state.touchdowns) == (self._last[0].tick + 1, self._last[0].touchdowns):
-            before, held = self._last
-            mu_held = np.linalg.solve(seen.control_a, held - seen.control_b)
-            if self._measure:
-                measured = self._measure(x_of(task, before), p_of(before), x, p, np.array([task.seconds])).measured
-        clf_slack, rescue_slack = values.slack_sums.tolist()
-        return u, {
-            **{"mu": mu, "mu_qp": decided.mu, "omega": omega, "mu_held": mu_held, "measured": measured, "LgV": LgV},
-            **{"quantities": tick.names, "nominal_a": seen.nominal_a, "nominal_b": seen.nominal_b},
-            **{"alpha": estimates.alpha, "beta": estimates.beta, "objective": "own" if task.objective else "paper"},
-            **{"rows": decided.layout.names, "active": decided.active, "margins": values.row_margin},
-            **{"slacks": values.slack, "multipliers": values.multiplier},
-            **{"clf_slack": clf_slack, "rescue_slack": rescue_slack, "solver": decided.solver},
-            **{"status": decided.status, "answered": decided.is_by(tick.answer.solver)},
-            "solve_seconds": decided.seconds,
-        }
-
-    def _noise(self, tick: int) -> Array:
-        """Of this tick of the episode, (m,): the same whether or not the ticks before it were seen."""
-        for _ in range(self._drawn, min(tick, self.task.ticks)):
-            self._exploring.standard_normal(self.problem.inputs)
-        self._drawn = max(self._drawn, min(tick, self.task.ticks)) + 1
-        return self._exploring.standard_normal(self.problem.inputs)
-
-    @cached_property
-    def _measure(self) -> NumpyFunction | None:
-        """None where one difference does not measure the quantities; then nothing is learned."""
-        try:
-            return measure(self.task.tick.terms)
-        except ValueError:
-            return None
-
-    def _estimates(self, x: Array, p: Array, seen: Values, LgV: Array) -> Estimates:
-        if isinstance(self.policy, LearnedPolicy):
-            return self.policy.act(seen.observation, LgV)
-        if self.policy != ORACLE:
-            return self.task.tick.no_error()
-        true = p.astype(float)
-        for name, value in self.true.items():
-            true[self._places[name][0]] = np.ravel(value)
-        error = self._error(x, p, true)
-        return Estimates(error.alpha, error.beta, error.output_error)
+        return ControllerOutput(**told, fault=fault)
