@@ -18,7 +18,7 @@ import numpy as np
 from cbf_clf_qp.estimates import Estimates
 from pydantic import Field
 from rabbit_description.state import SWAP_TORQUE, Array, Leg, RobotState
-from rl_cbf_clf_controller.controller import NO_NOISE, Controller
+from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.controller_output import ControllerOutput, seen_fields
 from rl_cbf_clf_controller.network import Actor
 from rl_cbf_clf_controller.policy import Policy
@@ -141,7 +141,7 @@ class JointTargetController(Controller):
             torque=in_order[SWAP_TORQUE] if scene.stance is Leg.RIGHT else in_order,
             mu=mu,
             mu_qp=mu,
-            omega=NO_NOISE,
+            omega=np.zeros(ACTIONS),
             quantities=self.qp.names,
             alpha=nothing.alpha,
             beta=nothing.beta,

@@ -10,15 +10,20 @@ from typing import Any
 import numpy as np
 import pytest
 from cbf_clf_qp.daqp_source import SourceError, unpack_daqp
+from rabbit_description.task_source import load_task
 from rabbit_estimator.contact_aided_filter import sensors_row
 from rabbit_experiments.assembly import Assembly, exported_estimator, resolve_policy
 from rabbit_sim.c_example import write_example
 from rabbit_sim.parameters import SimulationParameters
-from rl_cbf_clf_controller.export import ExportError, export
+from rl_cbf_clf_controller.export import ExportError, export, export_ride
 from rl_cbf_clf_controller.parameters import load_parameters
+from rl_cbf_clf_controller.task_controller import TaskController
 from rl_trainer.rollout import Record, rollout
+from rl_trainer.task_episode import ride_of
+from rl_trainer.task_training import train
 
 SEED, STONES = 17, 6
+EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
 def walked_in_python_and_c(
@@ -122,3 +127,30 @@ def test_what_is_python_is_refused(tmp_path: Path) -> None:
         with pytest.raises(ExportError, match="expected no estimator in Python"):
             export(controller, tmp_path / "out")
         assert not (tmp_path / "out").exists()
+
+
+TASKS = [
+    ("segway.py", "nominal"),
+    ("obstacle_arm.py", "nominal"),
+    pytest.param("three_link_walker.yaml", "nominal", marks=THOROUGH),
+    pytest.param("cart_pole.py", "learned", marks=THOROUGH),
+]
+
+
+@pytest.mark.parametrize(("name", "controller"), TASKS)
+def test_a_task_answers_a_rides_readings_as_in_python(name: str, controller: str, tmp_path: Path) -> None:
+    task = load_task(str(EXAMPLES / name))
+    made = TaskController(task)
+    made.policy = train(task, 1, episodes=1)[0] if controller == "learned" else controller
+    ride = ride_of(made, made.policy, 1)
+    export(made, tmp_path)
+    readings = np.concatenate([made.robots.reading(moment.state) for moment in ride.moments])
+    inputs = np.array([moment.u for moment in ride.moments])
+    inputs[-1] = np.nextafter(inputs[-1], np.inf)  # the program finds it
+    export_ride(tmp_path, readings, inputs)
+    subprocess.run(["make", "-s", "-C", tmp_path], check=True)
+    said = subprocess.run(["./example"], cwd=tmp_path, check=False, capture_output=True, text=True).stdout
+    assert re.fullmatch(rf"{len(inputs)} ticks, [0-9.]+ us each, 1 with other inputs than Python's\n", said)
+    with pytest.raises(ExportError, match="policy oracle"):
+        made.policy = "oracle"
+        export(made, tmp_path / "out")

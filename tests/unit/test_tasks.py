@@ -20,7 +20,7 @@ from rabbit_bringup.cli import app
 from rabbit_description.task import ControlTask, TaskError
 from rabbit_description.task_source import load_task
 from rabbit_experiments.cache import Cache
-from rabbit_experiments.task_rides import rides_of
+from rabbit_experiments.task_rides import TaskRide, rides_of
 from rabbit_recording import RecordingError, task_recording
 from rabbit_recording.contents import contents
 from rabbit_recording.task_recording import differing, recorded_ride, write_ride
@@ -230,7 +230,7 @@ def typed(*words):
 
 
 def test_the_commands(cart, task, tmp_path):
-    code, said = typed("evaluate", "--task", cart, "--rides", 3, "--pictures", "--out", tmp_path / "e")
+    code, said = typed("evaluate", "--task", cart, "--rides", 3, "--out", tmp_path / "e")
     assert code == 0, said
     summary = json.loads((tmp_path / "e" / "summary.json").read_text())
     assert (summary["nominal"]["kept"], summary["oracle"]["kept"]) == (0, 3)
@@ -239,14 +239,17 @@ def test_the_commands(cart, task, tmp_path):
     first = ride_of(TaskController(task), "nominal", int(rows[0]["seed"]))
     assert float(rows[0]["wall"]) == first.margins[0]
     assert (tmp_path / "e" / "margins.png").is_file()
-    pictures = tmp_path / "e" / "oracle"
+    words = ("--controller", "oracle", "--rides", 1, "--pictures", "--out", tmp_path / "p")
+    code, said = typed("evaluate", "--task", cart, *words)
+    assert code == 0, said
+    pictures = tmp_path / "p" / "oracle"
     assert {path.name for path in pictures.iterdir()} >= {"recording", "rows.png", "ride.mp4"}
     bag = pictures / "recording"
     assert typed("bag", "check", bag, "--task", cart) == (0, "300 ticks replayed, 0 lost, inputs identical\n")
     code, said = typed("bag", "check", bag)
     assert (code, "with `--task`" in said) == (2, True)
-    code, said = typed("bag", "plot", bag, "--task", cart, "--out", tmp_path / "p")
-    assert (code, (tmp_path / "p" / "rows.png").read_bytes()) == (0, (pictures / "rows.png").read_bytes()), said
+    code, said = typed("bag", "plot", bag, "--task", cart, "--out", tmp_path / "plot")
+    assert (code, (tmp_path / "plot" / "rows.png").read_bytes()) == (0, (pictures / "rows.png").read_bytes()), said
     code, said = typed("bag", "show", bag, "--task", cart, "--export", tmp_path / "ride.html")
     assert code == 0, said
     code, said = typed("bag", "explain", bag, "--task", cart, "--worst", "--picture", tmp_path / "tick.png")
@@ -282,6 +285,16 @@ def test_a_benchmark_goes_from_the_nominal_plant_beyond_the_true_one(cart, tmp_p
     kept = {path: path.stat().st_mtime_ns for path in (tmp_path / "1" / "cache").rglob("*.json.gz")}
     assert typed("benchmark", "--task", cart, "--rides", 2, "--jobs", 1, "--out", tmp_path / "1")[0] == 0
     assert kept == {path: path.stat().st_mtime_ns for path in (tmp_path / "1" / "cache").rglob("*.json.gz")}
+
+
+@pytest.mark.parametrize("controller", ["nominal", "oracle"])
+@pytest.mark.parametrize("name", ["segway.py", "obstacle_arm.py", "three_link_walker.yaml"])
+def test_rides_side_by_side_are_the_rides_alone(name, controller):
+    """To the bit: with one input and several, through impacts, and as one robot after the other ends."""
+    rides = rides_of(str(Path(__file__).parents[2] / "examples" / name), [controller], 3, 1)
+    assert len({ride.companions for ride in rides}) == 1
+    together = dict(TaskRide.do_together(rides))
+    assert [together[ride] for ride in rides] == [ride.do() for ride in rides]
 
 
 def test_another_urdf_is_another_ride(tmp_path):

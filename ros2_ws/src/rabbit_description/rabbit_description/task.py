@@ -274,10 +274,29 @@ class ControlTask:
         """Of the plant in a tick."""
         return max(1, math.ceil(self.seconds / SUBSTEP - 1e-9))
 
+    @cached_property
+    def glide(self) -> NumpyFunction:
+        """`x` after a tick of (x, p, u) without an impact, and whether the state `strikes` in it."""
+        system = self.system
+        x, p, u = (ca.MX.sym(name, getattr(system, name).numel()) for name in "xpu")
+        now, strikes = x, ca.MX(0)
+        for _ in range(self.substeps):
+            then = self.later_by.function(now, p, u, self.seconds / self.substeps)
+            if self.impact:
+                before, end = (self._strike[0].function(state, p) for state in (now, then))
+                falls = ca.logic_and(before[0] > 0, ca.logic_and(end[0] <= 0, end[1] > 0))
+                strikes = ca.logic_or(strikes, falls)
+            now = then
+        function = ca.Function("glide", [x, p, u], [ca.vertcat(now, strikes)], ["x", "p", "u"], ["values"])
+        n = x.numel()
+        return NumpyFunction(function, {"x": (slice(n), (n,)), "strikes": (slice(n, n + 1), (1,))})
+
     def moved(self, x: Array, p: Array, u: Array) -> Moved:
         """The true state after a tick of the input `u` under the plant's parameters `p`."""
         if self.plant:
             return Moved(np.asarray(self.plant(x, p, u), dtype=float), u, 0)
+        if not (glided := self.glide(x, p, u)).strikes[0]:
+            return Moved(glided.x, u, 0)
         now, h = Moved(x, u, 0), self.seconds / self.substeps
         for _ in range(self.substeps):
             now = self._substep(now, p, h)

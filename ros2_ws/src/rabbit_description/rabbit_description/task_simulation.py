@@ -1,12 +1,13 @@
 """Episodes of a control task's true system, as `Simulation` has RABBIT's: what a controller sees, and how it ended."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
+from cbf_clf_qp.batch_functions import BatchFunction
 from cbf_clf_qp.functions import Array
 
 from rabbit_description.state import RobotState
-from rabbit_description.task import ControlTask, Given
+from rabbit_description.task import ControlTask, Given, Moved
 from rabbit_description.task_state import layout_of, task_state
 
 
@@ -14,7 +15,7 @@ class TaskSimulation:
     """One system at a time.
 
     `true`: the plant's parameters by name, which may change between two ticks; `altered`: what an episode's commands
-    become; `outcome`: running, done or failed; `reason`: of a failure, the limit that was passed.
+    become; `x` (n,): its state; `outcome`: running, done or failed; `reason`: of a failure, the limit that was passed.
     """
 
     def __init__(self, task: ControlTask) -> None:
@@ -28,7 +29,7 @@ class TaskSimulation:
 
     def reset(self, seed: int) -> RobotState:
         """A new episode."""
-        self._x, given, _ = self.task.beginning(seed)
+        self.x, given, _ = self.task.beginning(seed)
         self._given = self.altered(given)
         self._tick, self._impacts, self.outcome, self.reason = 0, 0, "running", ""
         return self._state(np.full(len(self.layout.joints), np.nan))
@@ -37,9 +38,18 @@ class TaskSimulation:
         """Go on one tick under the input `u` (m,); raises ValueError where it is not finite, or of another size."""
         if u.shape != (len(self.layout.joints),) or not np.isfinite(u).all():
             raise ValueError(f"u = {u}: expected {len(self.layout.joints)} finite numbers")
-        task, true = self.task, self.task.parameters_at(self.true, self._commanded())
-        moved = task.moved(self._x, true, u)
-        self._x, self._tick, self._impacts = moved.x, self._tick + 1, self._impacts + moved.impacts
+        true = self.parameters
+        return self.take(self.task.moved(self.x, true, u), true, u)
+
+    @property
+    def parameters(self) -> Array:
+        """All of the plant at this tick, p (k,)."""
+        return self.task.parameters_at(self.true, self._commanded())
+
+    def take(self, moved: Moved, true: Array, u: Array) -> RobotState:
+        """What a tick of the input `u` (m,) has become under the parameters `true`."""
+        task = self.task
+        self.x, self._tick, self._impacts = moved.x, self._tick + 1, self._impacts + moved.impacts
         if outcome := task.outcome(moved, true, self._tick, self._impacts):
             self.outcome = outcome
             self.reason = task.why_failed(moved, true, self._impacts) if outcome == "failed" else ""
@@ -60,4 +70,32 @@ class TaskSimulation:
     def _state(self, applied: Array) -> RobotState:
         p = self.task.parameters_at({}, self._commanded())
         is_running = self.outcome == "running"
-        return task_state(self.task, self._x, p, applied, self._tick, self._impacts, is_running)
+        return task_state(self.task, self.x, p, applied, self._tick, self._impacts, is_running)
+
+
+class TaskSimulations:
+    """Several at once; each moves to the bit as it would alone."""
+
+    def __init__(self, task: ControlTask, n: int) -> None:
+        self.task, self.systems = task, [TaskSimulation(task) for _ in range(n)]
+        self._glide = None if task.plant else BatchFunction(task.glide)
+
+    def reset(self, seeds: Sequence[int]) -> list[RobotState]:
+        """A new episode of each."""
+        return [system.reset(seed) for system, seed in zip(self.systems, seeds, strict=True)]
+
+    def step(self, u: Array) -> list[RobotState]:
+        """Go on one tick under the inputs `u` (N, m)."""
+        if self._glide is None:
+            return [system.step(each) for system, each in zip(self.systems, u, strict=True)]
+        x, true = (np.array([getattr(system, name) for system in self.systems]) for name in ("x", "parameters"))
+        glided, states = self._glide(x, true, u), list[RobotState]()
+        for i, system in enumerate(self.systems):
+            strikes = glided.strikes[i, 0]
+            moved = self.task.moved(x[i], true[i], u[i]) if strikes else Moved(glided.x[i], u[i], 0)
+            states.append(system.take(moved, true[i], u[i]))
+        return states
+
+    def keep(self, rows: Array) -> None:
+        """Go on with some of them, by number."""
+        self.systems = [self.systems[row] for row in rows]

@@ -1,7 +1,7 @@
 """Seeded rides of a control task as jobs: over processes, kept, and gone on with; and the plants of its benchmark."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import inf
@@ -10,9 +10,12 @@ from typing import Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
+from rabbit_description.state import Array, RobotState
 from rabbit_description.task import ControlTask
+from rabbit_description.task_simulation import TaskSimulations
 from rabbit_description.task_source import files_of, load_task
-from rl_cbf_clf_controller.task_controller import TaskController
+from rabbit_description.task_state import p_of, x_of
+from rl_cbf_clf_controller.task_controller import TaskBatch, TaskController
 from rl_trainer.task_episode import ride_of
 
 from rabbit_experiments.cache import Job
@@ -52,16 +55,91 @@ class TaskRide(Job):
     model = RideRow
 
     def do(self) -> RideRow:
-        controller = controller_of(self.task, self.plant)
+        controller = controller_of(self.task, self.plant, self.stamps)
         ride = ride_of(controller, controller.controlling(self.controller), self.seed)
         ended = {"outcome": ride.outcome, "reason": ride.reason, "is_kept": ride.is_kept, "impacts": ride.impacts}
         return RideRow(seed=self.seed, ticks=len(ride.moments), margins=ride.margins.tolist(), **ended)
 
+    @property
+    def stamps(self) -> tuple[int, ...]:
+        """Of the files: when each was changed, ns."""
+        return tuple(file.stat().st_mtime_ns for file in self.files)
+
+    @property
+    def companions(self) -> Hashable:
+        """Rides that differ in their seeds alone; a controller without a QP rides alone."""
+        has_qp = ":" not in self.controller and self.controller not in task_of(self.task, self.stamps).controllers
+        return (self.task, self.controller, self.plant) if has_qp else None
+
+    @classmethod
+    def do_together(cls, jobs: Sequence["TaskRide"]) -> Iterator[tuple["TaskRide", RideRow]]:
+        """The rows that they have alone, to the bit."""
+        first = jobs[0]
+        controller = controller_of(first.task, first.plant, first.stamps)
+        rows = rides_together(controller, first.controller, [job.seed for job in jobs])
+        return ((jobs[place], row) for place, row in rows)
+
+
+def rides_together(controller: TaskController, name: str, seeds: Sequence[int]) -> Iterator[tuple[int, RideRow]]:
+    """Rides side by side: the place and the row of each as it ends."""
+    task, n = controller.task, len(seeds)
+    batch, systems = controller.batch(controller.controlling(name), n), TaskSimulations(task, n)
+    at = controller.output_places.arrays["barriers"]
+    for i, seed in enumerate(seeds):
+        batch.reset(i, seed)
+    places, states, least = np.arange(n), systems.reset(seeds), np.full((n, len(task.barriers)), np.inf)
+    while places.size:
+        output = batch.step(states)
+        least[places] = np.minimum(least[places], output.report[:, at])
+        faults, go_on = output.faults | output.errors, np.ones(len(places), dtype=bool)
+        for row, why in faults.items():
+            place, go_on[row] = places[row], False
+            yield place, row_of(task, seeds[place], states[row], least[place], ("no answer", why), states[row].tick + 1)
+        places = kept_places(batch, systems, places, go_on)
+        if not places.size:
+            return
+        states = systems.step(output.torque[go_on])
+        go_on = np.array([state.running for state in states])
+        for row in (~go_on).nonzero()[0].tolist():
+            place, state = places[row], states[row]
+            after = task.tick.look(x_of(task, state), p_of(state)).barriers
+            margins, verdict = np.minimum(least[place], after), systems.systems[row].verdict
+            yield place, row_of(task, seeds[place], state, margins, verdict, state.tick)
+        places = kept_places(batch, systems, places, go_on)
+        states = [state for state, is_on in zip(states, go_on, strict=True) if is_on]
+
+
+def kept_places(batch: TaskBatch, systems: TaskSimulations, places: Array, go_on: Array) -> Array:
+    """Of those that go on, alone in systems and controller."""
+    if not go_on.all() and go_on.any():
+        rows = go_on.nonzero()[0]
+        systems.keep(rows)
+        batch.keep(rows)
+    return places[go_on]
+
+
+def row_of(
+    task: ControlTask, seed: int, last: RobotState, margins: Array, verdict: tuple[str, str], ticks: int
+) -> RideRow:
+    """What a ride leaves behind that has ended."""
+    outcome, reason = verdict
+    is_done = outcome == "done"
+    is_kept = is_done and bool((margins >= -task.tolerance).all())
+    found = margins if is_done else np.full(margins.shape, -inf)
+    ended = {"outcome": outcome, "reason": reason, "is_kept": is_kept, "impacts": last.touchdowns}
+    return RideRow(seed=seed, ticks=ticks, margins=found.tolist(), **ended)
+
 
 @lru_cache(maxsize=1)
-def controller_of(source: str, plant: Plant) -> TaskController:
+def task_of(source: str, stamps: tuple[int, ...]) -> ControlTask:
+    """The task whose files have these time stamps."""
+    return load_task(source)
+
+
+@lru_cache(maxsize=1)
+def controller_of(source: str, plant: Plant, stamps: tuple[int, ...]) -> TaskController:
     """Of a task on this plant."""
-    task = load_task(source)
+    task = task_of(source, stamps)
     return TaskController(replace(task, true={**task.true, **dict(plant)}) if plant else task)
 
 

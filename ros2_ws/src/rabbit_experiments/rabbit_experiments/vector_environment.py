@@ -17,6 +17,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from cbf_clf_qp.batch_functions import BatchFunction
 from cbf_clf_qp.estimates import Estimates
 from gymnasium.spaces import Box
 from gymnasium.utils.seeding import np_random
@@ -30,7 +31,6 @@ from rabbit_sim.batch_simulation import BatchSimulation
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Simulation
 from rl_cbf_clf_controller.batch_controller import BatchController
-from rl_cbf_clf_controller.batch_functions import BatchFunction
 from rl_cbf_clf_controller.batch_output import BatchScene
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.controller_output import seen_fields

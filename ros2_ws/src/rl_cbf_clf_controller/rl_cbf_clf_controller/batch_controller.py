@@ -44,7 +44,7 @@ class BatchController:
         self._one, self.policies, self._n = controller, list(policies), n
         self._estimators = [[each.another() for each in controller.estimators] for _ in policies]
         self._solvers = list[Any]([None] * n)  # those outside the function, once they are asked
-        self._rngs = [np.random.default_rng(0) for _ in policies]
+        self._rngs = list[Any]([None] * n)
         self._none = Estimates.of_many([tick.no_error()])
         self._memory = Memory.of(n)
         self.unanswered = 0
@@ -108,7 +108,7 @@ class BatchController:
         self._bind(memory[0], self._n)
         self._rows.memory[:], self._rows.settings[:], self._rows.reading[:] = memory, settings, reading
 
-    def step(self, states: "RobotStates | RobotState") -> BatchOutput:
+    def step(self, states: "RobotStates | RobotState | Sequence[RobotState]") -> BatchOutput:
         """The torques for one tick; see `Controller.step`. Those of a state that is refused mean nothing."""
         policy = None if self._estimators[0] else self._only_policy()
         if policy is None:
@@ -174,7 +174,7 @@ class BatchController:
         self._given["noise"][...], self._is_silent = omega, sigma == 0
         return omega
 
-    def look(self, states: "RobotStates | RobotState", is_kept: bool = True) -> BatchScene:
+    def look(self, states: Any, is_kept: bool = True) -> BatchScene:
         """What is seen of the states, after those robots have changed legs that came down.
 
         Where it is not `is_kept`, no robot changes legs, and the next tick will not know of this one.
@@ -192,7 +192,12 @@ class BatchController:
         self._seen = seen
         return scene_of(self._one, seen, errors)
 
-    def _read(self, states: "RobotStates | RobotState") -> None:
+    def reading(self, states: Any) -> Array:
+        """The states as the function reads them, without noise, (N, size)."""
+        self._read(states)
+        return self._rows.reading.copy()
+
+    def _read(self, states: Any) -> None:
         """Into the rows."""
         given = self._given
         given["q"][...], given["dq"][...], given["contact"][...] = states.q, states.dq, states.contact

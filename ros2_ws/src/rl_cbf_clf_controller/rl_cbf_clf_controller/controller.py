@@ -37,6 +37,7 @@ Found = TypeVar("Found", BatchScene, BatchOutput)
 class OneRobot(ControllerParts):
     """A controller of one robot: `step` is called once a tick. After it, `estimates` and `decided` have all of it."""
 
+    name: str
     robots: BatchController
     _output: BatchOutput
 
@@ -127,6 +128,7 @@ class Controller(OneRobot):
         self._kind = find_kind(parameters.controller)
         super().__init__(*rabbit_parts(parameters, gait, further, urdf), parameters, self._kind.estimators(parameters))
         self._check(policy)
+        self.name = parameters.controller
         self._start, self.shape, self.robots = gait.x_start, Shape.of(gait), BatchController(self, [policy])
 
     @property

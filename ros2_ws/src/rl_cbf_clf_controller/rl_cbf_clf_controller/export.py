@@ -21,18 +21,20 @@ from cbf_clf_qp.compiled import c_of
 from cbf_clf_qp.functions import Layout, NumpyFunction
 from rabbit_description.state import Array
 
-from rl_cbf_clf_controller.controller import Controller
+from rl_cbf_clf_controller.controller import OneRobot
 from rl_cbf_clf_controller.network import SOURCE
 from rl_cbf_clf_controller.policy import ActorPolicy, ZeroPolicy
 from rl_cbf_clf_controller.step import NOT_FINITE, STONE
 
 KINDS = {"d": "double", "f": "float", "l": "long long"}  # by numpy's letter
+RIDE = Path(__file__).with_name("ride_example.c")
 ARENA = 1 << 16  # bytes, of which a QP takes some 10 k
 STATIC = "#define CASADI_SYMBOL_EXPORT static /* glibc has a function `step` of its own */\n"
 HEADER = """/* {about}
 
 Rows of numbers, double, by name: what lies at NAME, and how many. Units are SI: m, s, rad, N, N m.
-A reading without a stone has NAN there; torques that are not known are NAN. Legs: 0 left, 1 right.
+A reading without a stone has NAN there; torques that are not known are NAN. Legs: 0 left, 1 right; a task's state
+stands on 0.
 */
 #ifndef CONTROLLER_H
 #define CONTROLLER_H
@@ -41,7 +43,8 @@ A reading without a stone has NAN there; torques that are not known are NAN. Leg
 {policy}void controller_first(double *memory);
 void controller_settings(double *settings);
 
-/* One tick. 0: done. The reading is refused, and the memory as it was: 1 q, 2 dq, 3 stone. A fault, which ends an
+/* One tick. 0: done. The reading is refused, and the memory as it was: 1 q, 2 dq, 3 stone, or a task's
+   parameters. A fault, which ends an
    episode: 4 another count of touchdowns, 5 no answer to the QP, 6 numbers that are not finite. */
 int controller_step(double *memory, const double *reading, const double *settings, double *report);
 {sensing}
@@ -87,6 +90,25 @@ int controller_step(double *memory, const double *reading, const double *setting
   return report[REPORT_FAULT] != 0 ? {refusals} + (int)report[REPORT_FAULT] : 0;
 }}
 {sensing}"""
+MAKEFILE = """# make, then ./example
+FLAGS = -O2 -fno-builtin -ffp-contract=off -w -Idaqp/include -Idaqp/include/daqp
+DAQP = $(or $(patsubst %.c,%.o,$(wildcard daqp/src/*.c)),daqp/daqp.a)
+
+all: example
+
+-include example.mk
+
+controller.o: controller.c controller.h
+	$(CC) $(FLAGS) -c $< -o $@
+
+# DAQP takes its memory from controller.c
+daqp/src/%.o: daqp/src/%.c
+	$(CC) $(FLAGS) -Dmalloc=controller_malloc -Dfree=controller_free -c $< -o $@
+
+daqp/daqp.a: daqp/libdaqpstat.a
+	objcopy --redefine-sym malloc=controller_malloc --redefine-sym free=controller_free $< $@
+"""
+LINK = "\t$(CC) $(FLAGS) example.c controller.o $(DAQP) -lm -o $@\n"
 STEP = """  step(arguments, results, integers, numbers, 0);
 """
 LEARNED = """  static _Thread_local double scaled[{inputs}], network[{widest} + {units}];
@@ -146,18 +168,19 @@ class StateEstimator:
 
 
 def export(
-    controller: Controller, folder: Path, daqp: Path | None = None, estimator: StateEstimator | None = None
+    controller: OneRobot, folder: Path, daqp: Path | None = None, estimator: StateEstimator | None = None
 ) -> None:
     """Write the controller into a folder, with an `estimator` that makes its readings of sensors.
 
     `daqp`: the folder `csrc` of DAQP's source package, which is copied. None: the library that is in CasADi's wheel.
     Raises ExportError for a controller whose tick is not one function of C.
     """
-    policy, f = controller.policy, controller.functions
-    is_known = type(policy) is ZeroPolicy or (isinstance(policy, ActorPolicy) and policy.is_structured)
-    if controller.estimators or not is_known or controller.solvers[0] != "daqp":
+    policy, f = controller.robots.policies[0], controller.functions
+    needs_structure = controller.qp.needs_output_error
+    is_actor = isinstance(policy, ActorPolicy) and (policy.is_structured or not needs_structure)
+    if controller.estimators or not (is_actor or type(policy) is ZeroPolicy) or controller.solvers[0] != "daqp":
         raise ExportError(
-            f"controller {controller.parameters.controller}, policy {policy.version}, solver {controller.solvers[0]}: "
+            f"controller {controller.name}, policy {policy.version}, solver {controller.solvers[0]}: "
             "expected no estimator in Python, policy zero or a structured one, daqp"
         )
     functions = [f.step]
@@ -171,10 +194,25 @@ def export(
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "controller.c").write_text(STATIC + text + wrapper(controller, functions, estimator))
     (folder / "controller.h").write_text(header(controller, estimator))
+    (folder / "Makefile").write_text(MAKEFILE)
     copy_daqp(folder / "daqp", daqp)
 
 
-def header(controller: Controller, estimator: StateEstimator | None) -> str:
+def export_ride(folder: Path, readings: Array, inputs: Array) -> None:
+    """Beside an exported controller, a program that gives it the `readings` (ticks, size) of a ride.
+
+    It compares its answers with `inputs` (ticks, m).
+    """
+    lines = [f"#define TICKS {len(readings)}"]
+    for name, rows in {"readings": readings, "inputs": inputs}.items():
+        table = ",\n  ".join(map(numbers, rows))
+        lines.append(f"static const double {name}[{len(rows)}][{rows.shape[1]}] = {{\n  {table}}};")
+    (folder / "ride.h").write_text("\n".join([*lines, ""]))
+    (folder / "example.mk").write_text("example: example.c ride.h controller.h controller.o $(DAQP)\n" + LINK)
+    shutil.copy(RIDE, folder / "example.c")
+
+
+def header(controller: OneRobot, estimator: StateEstimator | None) -> str:
     """The rows by name."""
     f, memory, settings, sensing = controller.functions, controller.functions.memory, controller.functions.settings, ""
     rows: dict[str, tuple[Layout, int]] = {}
@@ -191,19 +229,23 @@ def header(controller: Controller, estimator: StateEstimator | None) -> str:
         rows[name] = Layout.of(function), f.report.places[name][0].start
     lines = [line for name, (layout, start) in rows.items() for line in (*defines(name, layout, start), "")]
     rows_of_qp = ", ".join(controller.qp.layout.names)
-    about = f"{controller.parameters.controller}: the QP has the rows {rows_of_qp}; SEEN and ANSWER are in a report"
+    about = f"{controller.name}: the QP has the rows {rows_of_qp}; SEEN and ANSWER are in a report"
     about += ", ESTIMATOR in a memory" if estimator else ""
     policy = ""
-    if isinstance(controller.policy, ActorPolicy):
-        tables = (f"extern {declared(*each)};" for each in tables_of(controller.policy).items())
+    if isinstance(controller.robots.policies[0], ActorPolicy):
+        tables = (f"extern {declared(*each)};" for each in tables_of(controller.robots.policies[0]).items())
         policy = POLICY.format(tables="\n".join(tables))
     return HEADER.format(about=about, rows="\n".join(lines), policy=policy, sensing=sensing)
 
 
-def report_of(controller: Controller) -> Layout:
+def report_of(controller: OneRobot) -> Layout:
     """The report; with a learned policy also all estimates."""
     f = controller.functions
-    return Layout(f.report.sizes | f.estimates.sizes) if isinstance(controller.policy, ActorPolicy) else f.report
+    return (
+        Layout(f.report.sizes | f.estimates.sizes)
+        if isinstance(controller.robots.policies[0], ActorPolicy)
+        else f.report
+    )
 
 
 def tables_of(policy: ActorPolicy) -> dict[str, Array]:
@@ -222,9 +264,9 @@ def defines(row: str, layout: Layout, start: int) -> Iterable[str]:
         yield f"#define {row.upper()}_{name.upper()} {start + place.start} /* {place.stop - place.start} */"
 
 
-def wrapper(controller: Controller, functions: Sequence[NumpyFunction], estimator: StateEstimator | None) -> str:
+def wrapper(controller: OneRobot, functions: Sequence[NumpyFunction], estimator: StateEstimator | None) -> str:
     """What is called, with the tables that it hands out."""
-    f, policy, tick, network = controller.functions, controller.policy, STEP, ""
+    f, policy, tick, network = controller.functions, controller.robots.policies[0], STEP, ""
     first = controller.first_memory()
     usual = np.array([getattr(controller.parameters, name, 0.0) for name in f.settings.places])
     if estimator:
@@ -251,7 +293,7 @@ def wrapper(controller: Controller, functions: Sequence[NumpyFunction], estimato
     return WRAPPER.format(tables=written, tick=tick, sensing=sensed(controller, estimator), **most)
 
 
-def sensed(controller: Controller, estimator: StateEstimator | None) -> str:
+def sensed(controller: OneRobot, estimator: StateEstimator | None) -> str:
     """The call from sensors, or nothing."""
     if not estimator:
         return ""
@@ -274,7 +316,14 @@ def declared(name: str, values: Array) -> str:
 
 def numbers(values: Array) -> str:
     """Those of an array in C, to the bit."""
-    return f"{{{', '.join('NAN' if np.isnan(value) else repr(value) for value in values.tolist())}}}"
+    return f"{{{', '.join(map(number, values.tolist()))}}}"
+
+
+def number(value: float) -> str:
+    """One of them."""
+    if np.isfinite(value):
+        return repr(value)
+    return "NAN" if np.isnan(value) else "INFINITY" if value > 0 else "-INFINITY"
 
 
 def copy_daqp(folder: Path, source: Path | None) -> None:

@@ -18,11 +18,11 @@ from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
+from cbf_clf_qp.batch_functions import BatchFunction
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import NumpyFunction, Values
 from rabbit_description.state import Array
 
-from rl_cbf_clf_controller.batch_functions import BatchFunction
 from rl_cbf_clf_controller.network import Actor
 from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.scene import Estimator, Scene

@@ -1,12 +1,13 @@
 """The controllers of a control task by name: nominal, oracle, a learned policy, or one of the task's own."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from cbf_clf_qp.answer import Decided
+from cbf_clf_qp.batch_functions import BatchFunction
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import Array, Values, one_at_a_time, places_of
 from rabbit_description import plugins
@@ -17,7 +18,6 @@ from rabbit_description.task_state import p_of, x_of
 from rabbit_description.validation import one_of
 
 from rl_cbf_clf_controller.batch_controller import BatchController
-from rl_cbf_clf_controller.batch_functions import BatchFunction
 from rl_cbf_clf_controller.controller import OneRobot
 from rl_cbf_clf_controller.controller_output import NOTHING, ControllerOutput
 from rl_cbf_clf_controller.policy import ActorPolicy, LearnedPolicy, Policy, ZeroPolicy
@@ -54,51 +54,57 @@ class TaskOracle(Policy):
         return Estimates(found.alpha, found.beta, found.output_error)
 
 
+class Noise:
+    """What exploration draws in an episode: a tick's is the same whether or not the ticks before it were seen."""
+
+    def __init__(self, task: ControlTask, seed: int, m: int) -> None:
+        self._rng, self._ticks, self._m, self._drawn = task.beginning(seed)[2], task.ticks, m, 0
+
+    def at(self, tick: int) -> Array:
+        """Of a tick, (m,)."""
+        for _ in range(self._drawn, min(tick, self._ticks)):
+            self._rng.standard_normal(self._m)
+        self._drawn = max(self._drawn, min(tick, self._ticks)) + 1
+        return self._rng.standard_normal(self._m)
+
+
 class TaskBatch(BatchController):
     """N systems under copies of one task's controller, all with one policy."""
 
-    def __init__(self, controller: "TaskController", policies: list[Policy]) -> None:
-        self._task, self._drawn = controller.task, [0] * len(policies)
-        self._exploring = [np.random.default_rng(0)] * len(policies)
+    def __init__(self, controller: "TaskController", policies: Sequence[Policy]) -> None:
+        self._task = controller.task
         super().__init__(controller, policies)
 
     def reset(self, i: int, seed: int) -> None:
         """See `BatchController`."""
         super().reset(i, seed)
-        self._exploring[i], self._drawn[i] = self._task.beginning(seed)[2], 0
+        self._rngs[i] = Noise(self._task, seed, self._silence.shape[1])
 
     def _only_policy(self) -> Any:
         return self.policies[0]
 
     def _learned(self, policy: Any, seen: Array) -> Array:
         if isinstance(policy, TaskOracle):
-            places = self._one.functions
-            x, p = (seen[:, places.scene.places["x"][0]], self._rows.reading[:, places.reading.places["parameters"][0]])
+            x, p = seen[:, self._one.functions.scene.places["x"][0]], self._given["parameters"]
             return policy.values_of_many(x, p).row
-        return super()._learned(policy, seen)
+        if isinstance(policy, ZeroPolicy | ActorPolicy):
+            return super()._learned(policy, seen)
+        return self._take(policy.act_of_many(*(seen[:, place] for place in self._one.learned_from)))
 
     def _read(self, states: Any) -> None:
-        given = self._given
+        given, states = self._given, [states] if isinstance(states, RobotState) else states
         for name in ("q", "dq", "parameters"):
-            given[name][...] = getattr(states, name)
-        self._tick[...], self._touchdowns[...] = states.tick, states.touchdowns
+            given[name][...] = [getattr(state, name) for state in states]
+        self._tick[...] = [state.tick for state in states]
+        self._touchdowns[...] = [state.touchdowns for state in states]
 
     def _noise(self) -> Array:
-        """A tick's noise is the same whether or not the ticks before it were seen."""
-        if (sigma := self._parameters.sigma) > 0:
-            self._given["noise"][...] = [sigma * self._drawn_at(i, int(tick)) for i, tick in enumerate(self._tick)]
-        elif not self._is_silent:
-            self._given["noise"][...] = 0
-        self._is_silent = sigma == 0
-        omega: Array = self._given["noise"].copy()
+        sigma = self._parameters.sigma
+        if sigma == 0 and self._is_silent:
+            return self._silence
+        omega = np.array([sigma * rng.at(int(tick)) for rng, tick in zip(self._rngs, self._tick, strict=True)])
+        self._given["noise"][...], self._is_silent = omega, sigma == 0
         return omega
-
-    def _drawn_at(self, i: int, tick: int) -> Array:
-        rng, m = self._exploring[i], self._silence.shape[1]
-        for _ in range(self._drawn[i], min(tick, self._task.ticks)):
-            rng.standard_normal(m)
-        self._drawn[i] = max(self._drawn[i], min(tick, self._task.ticks)) + 1
-        return rng.standard_normal(m)
 
     def _why_refused(self, state: RobotState, kind: int) -> str:
         name = {Q: "q", DQ: "dq"}.get(kind, "parameters")
@@ -125,11 +131,11 @@ class TaskController(OneRobot):
         super().__init__(task.tick, TaskStep(task), names, len(observed), parameters)
         self._nominal = ZeroPolicy(self.problem)
         self._nominal.version, self._oracle = NOMINAL, TaskOracle(self)
-        self.robots, self.policy = self.batch(1), NOMINAL
+        self.name, self.robots, self.policy = task.name, self.batch(NOMINAL, 1), NOMINAL
 
-    def batch(self, n: int) -> TaskBatch:
-        """N systems under this one."""
-        return TaskBatch(self, [self._nominal] * n)
+    def batch(self, controlling: Controlling, n: int) -> TaskBatch:
+        """N systems under copies of this one."""
+        return TaskBatch(self, [self.estimating(controlling)] * n)
 
     @property
     def policy(self) -> Controlling:

@@ -3,9 +3,9 @@
 import casadi as ca
 import numpy as np
 import pytest
+from cbf_clf_qp.batch_functions import BatchFunction
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import NumpyFunction
-from rl_cbf_clf_controller.batch_functions import BatchFunction
 
 
 def norm() -> NumpyFunction:

@@ -4,6 +4,7 @@ import csv
 import json
 import os
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -107,6 +108,40 @@ def train(
         policy, _ = train(loaded, seed, **changes)
         policy.file.write(out)
         print(f"written {out}")
+
+
+def export(
+    task: Task,
+    folder: Annotated[Path, typer.Argument(help="a new or empty folder, or one of an earlier export")],
+    controller: Annotated[str, typer.Option(help="nominal, or a policy file")] = "nominal",
+    seed: Seed = 1,
+    daqp: Annotated[Path | None, typer.Option(help="csrc of DAQP's source (default: from PyPI)")] = None,
+) -> None:
+    """Write a controller as C source, with a program that answers the readings of a ride.
+
+    Example: `rabbit export c --task examples/segway.py && make -C c && (cd c && ./example)`
+    """
+    loaded, _ = chosen(task, controller)
+    import numpy as np
+    from rl_cbf_clf_controller.export import ExportError, export_ride
+    from rl_cbf_clf_controller.export import export as write
+    from rl_cbf_clf_controller.task_controller import TaskController
+    from rl_trainer.task_episode import ride_of
+
+    from rabbit_experiments.commands.export import daqp_source
+
+    made = TaskController(loaded)
+    controlling = made.controlling(controller)
+    if controlling in made.own:
+        fail(f"--controller {controller}: expected one with a QP")
+    own_folder(folder, "export --task")
+    made.policy = controlling
+    with complaints(ExportError), TemporaryDirectory() as temporary:
+        write(made, folder, daqp or daqp_source(Path(temporary)))
+    ride = ride_of(made, controlling, seed)
+    readings = np.concatenate([made.robots.reading(moment.state) for moment in ride.moments])
+    export_ride(folder, readings, np.array([moment.u for moment in ride.moments]))
+    print(f"written to {folder}: controller.c, controller.h, daqp/, and an example: make -C {folder}")
 
 
 def chosen(task: str, controller: str) -> "tuple[ControlTask, list[str]]":

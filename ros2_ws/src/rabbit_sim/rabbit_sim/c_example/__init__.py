@@ -20,23 +20,11 @@ from rabbit_sim.terrain import PLATFORM_START
 SOURCE = Path(__file__).with_name("example.c")
 TICKS_A_STONE = 100  # in which the walk may reach it
 NOISES = 4  # a tick: of the gyro's integral, two of the accelerometer, of the gyro
-MAKEFILE = """# make, then ./example, or ./example --bench; MUJOCO: a folder with include/ and the library
+RULE = """# ./example --bench times a tick; MUJOCO: a folder with include/ and the library
 MUJOCO = {mujoco}
-FLAGS = -O2 -fno-builtin -ffp-contract=off -w -Idaqp/include -Idaqp/include/daqp
-DAQP = $(or $(patsubst %.c,%.o,$(wildcard daqp/src/*.c)),daqp/daqp.a)
 
 example: example.c course.h controller.h controller.o $(DAQP)
 	$(CC) $(FLAGS) -I$(MUJOCO)/include example.c controller.o $(DAQP) -Wl,-rpath,$(MUJOCO) {library} -lm -o $@
-
-controller.o: controller.c controller.h
-	$(CC) $(FLAGS) -c $< -o $@
-
-# DAQP takes its memory from controller.c
-daqp/src/%.o: daqp/src/%.c
-	$(CC) $(FLAGS) -Dmalloc=controller_malloc -Dfree=controller_free -c $< -o $@
-
-daqp/daqp.a: daqp/libdaqpstat.a
-	objcopy --redefine-sym malloc=controller_malloc --redefine-sym free=controller_free $< $@
 """
 
 
@@ -60,7 +48,7 @@ def write_example(folder: Path, simulation: Simulation, seed: int) -> None:
     (folder / "course.h").write_text("\n".join([*lines, ""]))
     place = Path(mujoco.__file__).parent
     (library,) = place.glob("libmujoco.so.*")
-    (folder / "Makefile").write_text(MAKEFILE.format(mujoco=place, library=library))
+    (folder / "example.mk").write_text(RULE.format(mujoco=place, library=library))
     shutil.copy(SOURCE, folder)
 
 

@@ -3,8 +3,8 @@
 from itertools import zip_longest
 
 import numpy as np
-from cbf_clf_qp.functions import NumpyFunction, Values, one_at_a_time
-from rabbit_description.state import Array
+
+from cbf_clf_qp.functions import Array, NumpyFunction, Values, one_at_a_time
 
 
 class BatchFunction:
