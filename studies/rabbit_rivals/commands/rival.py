@@ -26,9 +26,8 @@ def end_to_end(
     robots: Annotated[int, typer.Option(min=4, max=4096, help="robots that walk side by side")] = 128,
 ) -> None:
     """Train joint targets by PPO, SAC or DAgger in MuJoCo, over random plants: DIR/policy.safetensors and a curve."""
-    from rabbit_residual.session import SessionError
-
-    from rabbit_rivals.end_to_end import options, train
+    from rabbit_rivals.end_to_end import LEARNERS, train
+    from rabbit_rivals.session import Options, SessionError
 
     tell_if_bare(
         context,
@@ -38,7 +37,7 @@ def end_to_end(
     own_folder(out, "rival end-to-end")
     try:
         with complaints(SessionError):
-            print(f"written {train(options(learner, ticks=ticks, seed=seed, robots=robots), out)}")
+            print(f"written {train(Options(learner, ticks, seed, robots, **LEARNERS[learner]), out)}")
     except KeyboardInterrupt as stop:
         fail("stopped; the same command goes on from the last line of the curve", code=of_interrupt(stop))
 

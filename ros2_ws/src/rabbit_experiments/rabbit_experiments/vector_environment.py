@@ -1,4 +1,4 @@
-"""N walks of RABBITs in MuJoCo as a `gymnasium.vector.VectorEnv`, a row a robot, for learners of one's own.
+"""N episodes side by side as a `gymnasium.vector.VectorEnv`, a row a robot: walks of RABBITs in MuJoCo above all.
 
 env = VectorWalkingEnv(TrainingParameters(), load_parameters("ours", controller="rl-cbf-clf-qp"),
                        SimulationParameters(plant="mujoco", sensors="lab"), robots=64)
@@ -7,13 +7,17 @@ env = VectorWalkingEnv(TrainingParameters(), load_parameters("ours", controller=
     action        (5n,) in [-1, 1], times the action scales: all alphas, then all betas (25 on stones)
     reward        -weighted squared errors of the tick - failure penalty
 
+`WalkingEnv` takes another `Formulation`: what is read, what an action means, what is paid.
+
 A robot whose episode has ended begins another one in the same step (`AutoresetMode.SAME_STEP`), if wanted as another
-robot. Environment i draws its seeds from seed + i. `infos` has `next_LgV` (N, m), each tick's `transition`, and
-`final_obs` of those that ended. A time limit or a fault truncates an episode.
+robot. Environment i draws its seeds from seed + i. `final_obs` in `infos` is what those that ended read last, before
+the tick that ended them. A time limit truncates an episode; so does a fault, where actions are estimates, and then
+`infos` also has `next_LgV` (N, m) and each tick's `transition`.
 """
 
-from collections.abc import Callable
-from dataclasses import replace
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -28,22 +32,174 @@ from rabbit_description.robot_states import RobotStates
 from rabbit_description.state import Array
 from rabbit_sim.batch_simulation import BatchSimulation
 from rabbit_sim.parameters import SimulationParameters
-from rabbit_sim.simulation import Simulation
+from rabbit_sim.simulation import Landing, Outcome, Simulation
 from rl_cbf_clf_controller.batch_controller import BatchController
 from rl_cbf_clf_controller.batch_functions import BatchFunction
-from rl_cbf_clf_controller.batch_output import BatchScene
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.controller_output import seen_fields
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ZeroPolicy, estimate_function
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.reward import reward
-from rl_trainer.transitions import TransitionBuilder
+from rl_trainer.transitions import Transition, TransitionBuilder
 
 from rabbit_experiments.assembly import make_simulation
 
-Float32 = NDArray[np.float32]
+Rows = NDArray[Any]
 Draw = Callable[[SimulationParameters, int], SimulationParameters]
+
+
+class EpisodesEnv(VectorEnv[Rows, Rows, Rows], ABC):
+    """`robots` episodes side by side, seeds for each robot, and the next episode in the step in which one ends."""
+
+    def __init__(self, robots: int, observations: Box, actions: Box) -> None:
+        self.num_envs = robots
+        self.metadata = {"autoreset_mode": AutoresetMode.SAME_STEP}
+        self.single_observation_space, self.single_action_space = observations, actions
+        self.observation_space, self.action_space = batch_space(observations, robots), batch_space(actions, robots)
+        self._rngs = [np_random(None)[0] for _ in range(robots)]
+
+    @abstractmethod
+    def begin(self, robots: list[int], seeds: list[int]) -> None:
+        """The next episodes of these robots; of all at a reset."""
+
+    @abstractmethod
+    def look(self) -> Rows:
+        """What is read (N, k) of where the robots are now."""
+
+    @abstractmethod
+    def advance(self, actions: Array) -> Rows:
+        """A tick of all under `actions` (N, m); returns whose episodes it ended, (N,)."""
+
+    @abstractmethod
+    def score(self) -> tuple[Array, Rows]:
+        """The tick's rewards (N,), and which episodes it ended badly; asked once the robots have been looked at."""
+
+    def infos(self) -> dict[str, Any]:
+        """What a learner may want to know besides."""
+        return {}
+
+    def reset(
+        self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Rows, dict[str, Any]]:
+        """New episodes; robots, courses, first states and noise follow from the seed."""
+        seeds = seed if isinstance(seed, list) else [seed if seed is None else seed + i for i in range(self.num_envs)]
+        self._rngs = [rng if each is None else np_random(each)[0] for rng, each in zip(self._rngs, seeds, strict=True)]
+        self._begin(range(self.num_envs))
+        self._observations = self._look()
+        return self._observations, self.infos()
+
+    def step(self, actions: Rows) -> tuple[Rows, Rows, Rows, Rows, dict[str, Any]]:
+        """One tick of all."""
+        ended, last = self.advance(np.asarray(actions, dtype=float)), self._observations
+        self._begin(ended.nonzero()[0].tolist())
+        self._observations = self._look()
+        rewards, failed = self.score()
+        infos = self.infos()
+        if ended.any():
+            infos |= {"final_obs": last, "_final_obs": ended}
+        return self._observations, rewards, failed, ended & ~failed, infos
+
+    def _look(self) -> Rows:
+        return self.look().astype(self.single_observation_space.dtype)
+
+    def _begin(self, robots: Iterable[int]) -> None:
+        self.begin([*robots], [int(self._rngs[i].integers(2**32)) for i in robots])
+
+
+@dataclass(frozen=True)
+class Tick:
+    """One tick of N robots: where it took them; the `landings` of those that took a step; who ended, and walked, (N,)."""
+
+    states: RobotStates
+    landings: dict[int, Landing]
+    ended: Rows
+    walked: Rows
+
+
+class Formulation(ABC):
+    """The walk of N robots as a problem of a learner, under one `controller`."""
+
+    observations: Box  # of one robot
+    actions: Box
+    controller: BatchController
+
+    def begin(self, i: int, simulation: Simulation, seed: int) -> None:
+        """Robot `i` begins an episode as this one."""
+        self.controller.reset(i, seed)
+
+    @abstractmethod
+    def look(self, states: RobotStates) -> Array:
+        """What is read (N, k) of the states."""
+
+    @abstractmethod
+    def act(self, actions: Array) -> tuple[Array, Iterable[int]]:
+        """The torques (N, 4) of `actions` (N, m) where it has looked last; and robots whose episode must end."""
+
+    @abstractmethod
+    def score(self, tick: Tick) -> tuple[Array, Rows]:
+        """See `EpisodesEnv.score`."""
+
+    def infos(self) -> dict[str, Any]:
+        """See `EpisodesEnv.infos`."""
+        return {}
+
+
+class WalkingEnv(EpisodesEnv):
+    """Walks in MuJoCo. `plant`: that of an episode, from its seed."""
+
+    def __init__(
+        self,
+        formulation: Formulation,
+        robots: int,
+        plant: Callable[[int], SimulationParameters],
+        again: float = 0.0,
+    ) -> None:
+        """`again`: the probability that a plant on which an episode ended badly is walked once more."""
+        super().__init__(robots, formulation.observations, formulation.actions)
+        self.formulation, self._plant, self._again = formulation, plant, again
+        self._gait = load_gaits(formulation.controller.parameters.gait)
+
+    def begin(self, robots: list[int], seeds: list[int]) -> None:
+        """See `EpisodesEnv`."""
+        if len(robots) == self.num_envs:
+            self._batch = BatchSimulation([make_simulation(self._plant(seed), self._gait) for seed in seeds])
+            self._batch.reset(seeds)
+        else:
+            for i, seed in zip(robots, seeds, strict=True):
+                self._batch.restart(i, self._next_simulation(i, seed), seed)
+        for i, seed in zip(robots, seeds, strict=True):
+            self.formulation.begin(i, self._batch.simulations[i], seed)
+
+    def _next_simulation(self, i: int, seed: int) -> Simulation:
+        if self._again and not self._tick.walked[i] and self._rngs[i].random() < self._again:
+            return self._batch.simulations[i]
+        return make_simulation(self._plant(seed), self._gait)
+
+    def look(self) -> Rows:
+        """See `EpisodesEnv`."""
+        return self.formulation.look(self._batch.states)
+
+    def advance(self, actions: Array) -> Rows:
+        """See `EpisodesEnv`."""
+        batch, before = self._batch, self._batch.states.touchdowns.copy()
+        torque, refused = self.formulation.act(actions)
+        states = batch.step(torque)
+        ended = ~states.running
+        ended[[*refused]] = True
+        stepped = (states.touchdowns > before).nonzero()[0].tolist()
+        landings = {i: batch.simulations[i].landings[-1] for i in stepped}
+        walked = ended & [simulation.outcome is Outcome.WALKED for simulation in batch.simulations]
+        self._tick = Tick(states.kept(np.arange(len(states))), landings, ended, walked)
+        return ended
+
+    def score(self) -> tuple[Array, Rows]:
+        """See `EpisodesEnv`."""
+        return self.formulation.score(self._tick)
+
+    def infos(self) -> dict[str, Any]:
+        """See `EpisodesEnv`."""
+        return self.formulation.infos()
 
 
 class LearnerUnits:
@@ -62,14 +218,63 @@ class LearnerUnits:
         found = self._estimates(actions, LgV, *self._scales)
         return Estimates(found.alpha, found.beta, None)
 
-    def scaled(self, observation: Array) -> Float32:
+    def scaled(self, observation: Array) -> Rows:
         """Observations (..., k) as they are seen."""
-        seen: Float32 = ((observation[..., : len(self._center)] - self._center) / self._scale).astype(np.float32)
+        seen: Rows = ((observation[..., : len(self._center)] - self._center) / self._scale).astype(np.float32)
         return seen
 
 
-class VectorWalkingEnv(VectorEnv[Float32, Float32, NDArray[Any]]):
-    """`draw`: the plant of an episode from its seed."""
+class Estimating(Formulation):
+    """An action is the estimates of the model's errors; their errors are paid, as in the paper."""
+
+    def __init__(self, parameters: TrainingParameters, controller: ControllerParameters, robots: int) -> None:
+        self._parameters, self._units = parameters, LearnerUnits(parameters)
+        self.observations, self.actions = self._units.observations, self._units.actions
+        zero = ZeroPolicy(controller.problem)  # the actions take its place
+        exploring = controller.model_copy(update={"sigma": parameters.sigma})
+        self.controller = BatchController(Controller(exploring, load_gaits(controller.gait), zero), [zero] * robots)
+        self._builder = TransitionBuilder(parameters)
+
+    def look(self, states: RobotStates) -> Array:
+        """See `Formulation`."""
+        self._scene = self.controller.look(states)
+        self._infos: dict[str, Any] = {"next_LgV": self._scene.seen.LgV.copy()}
+        return self._units.scaled(self._scene.observation)
+
+    def act(self, actions: Array) -> tuple[Array, Iterable[int]]:
+        """See `Formulation`."""
+        scene = self._scene
+        output = self.controller.decide(scene, self._units.estimates(actions, scene.seen.LgV))
+        self._outputs = [output[i] for i in range(len(actions))]
+        return output.torque, {*scene.faults, *scene.errors}
+
+    def score(self, tick: Tick) -> tuple[Array, Rows]:
+        """See `Formulation`."""
+        transitions = [self._transition(tick, i) for i in range(len(tick.states))]
+        self._infos["transition"] = transitions
+        failed = np.array([transition.failed for transition in transitions])
+        return np.array([reward(transition, self._parameters) for transition in transitions]), failed
+
+    def infos(self) -> dict[str, Any]:
+        """See `Formulation`."""
+        return self._infos
+
+    def _transition(self, tick: Tick, i: int) -> Transition:
+        """Of robot `i`, from its output to what is seen next, or to the end."""
+        output, following = self._outputs[i], None
+        if not tick.ended[i]:
+            unknown = np.full(output.mu.shape, np.nan)
+            following = replace(output, mu=unknown, **seen_fields(self._scene[i]))
+        self._builder.reset()
+        self._builder.add(tick.states[i], output)
+        transition = self._builder.add(tick.states[i], following)
+        if transition is None:
+            raise RuntimeError(f"tick {tick.states.tick[i]} does not follow tick {output.tick}")
+        return transition
+
+
+class VectorWalkingEnv(WalkingEnv):
+    """Under estimates. `draw`: the plant of an episode from its seed."""
 
     def __init__(
         self,
@@ -86,72 +291,4 @@ class VectorWalkingEnv(VectorEnv[Float32, Float32, NDArray[Any]]):
             raise ValueError(f"plant = {plant.plant}: expected mujoco")
         if controller.adaptation != "none":
             raise ValueError(f"adaptation = {controller.adaptation}: expected none in a vector environment")
-        self.parameters, self._plant, self._draw = parameters, plant, draw
-        self._gait = load_gaits(controller.gait)
-        zero = ZeroPolicy(controller.problem)  # the actions take its place
-        own = controller.model_copy(update={"sigma": parameters.sigma})
-        self._controller = BatchController(Controller(own, self._gait, zero), [zero] * robots)
-        self._units, self._builder = LearnerUnits(parameters), TransitionBuilder(parameters)
-        self.num_envs = robots
-        self.metadata = {"autoreset_mode": AutoresetMode.SAME_STEP}
-        self.single_observation_space = self._units.observations
-        self.single_action_space = self._units.actions
-        self.observation_space = batch_space(self.single_observation_space, robots)
-        self.action_space = batch_space(self.single_action_space, robots)
-        self._rngs = [np_random(None)[0] for _ in range(robots)]
-
-    def reset(
-        self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Float32, dict[str, Any]]:
-        """New walks; their robots, courses, first states and noise follow from the seed."""
-        seeds = seed if isinstance(seed, list) else [seed if seed is None else seed + i for i in range(self.num_envs)]
-        self._rngs = [rng if each is None else np_random(each)[0] for rng, each in zip(self._rngs, seeds, strict=True)]
-        episodes = [self._next_episode(i) for i in range(self.num_envs)]
-        self._batch = BatchSimulation([self._make_plant(episode) for episode in episodes])
-        self._batch.reset(episodes)
-        for i, episode in enumerate(episodes):
-            self._controller.reset(i, episode)
-        self._scene = self._controller.look(self._batch.states)
-        return self._units.scaled(self._scene.observation), {"next_LgV": self._scene.seen.LgV.copy()}
-
-    def step(self, actions: Float32) -> tuple[Float32, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
-        """One tick with `actions` (N, 5n) as the estimates."""
-        batch, controller, n = self._batch, self._controller, self.num_envs
-        estimates = self._units.estimates(np.asarray(actions, dtype=float), self._scene.seen.LgV)
-        scene, output = self._scene, controller.decide(self._scene, estimates)
-        outputs = [output[i] for i in range(n)]
-        states = batch.step(output.torque)
-        has_ended, ends = ~states.running, {}
-        has_ended[[*scene.faults, *scene.errors]] = True
-        for i in has_ended.nonzero()[0].tolist():
-            ends[i] = self._transition(outputs[i], states, i, None)
-            episode = self._next_episode(i)
-            batch.restart(i, self._make_plant(episode), episode)
-            controller.reset(i, episode)
-        self._scene = following = controller.look(batch.states)
-        transitions = [ends.get(i) or self._transition(outputs[i], states, i, following) for i in range(n)]
-        rewards = np.array([reward(each, self.parameters) for each in transitions])
-        failed = np.array([each.failed for each in transitions])
-        infos: dict[str, Any] = {"next_LgV": following.seen.LgV.copy(), "transition": transitions}
-        if has_ended.any():
-            infos |= {"final_obs": self._units.scaled(scene.observation), "_final_obs": has_ended}
-        return self._units.scaled(following.observation), rewards, failed, has_ended & ~failed, infos
-
-    def _transition(self, output: Any, states: RobotStates, i: int, following: BatchScene | None) -> Any:
-        """Of robot `i`, from its output to what is seen next, or to the end."""
-        self._builder.reset()
-        self._builder.add(states[i], output)
-        if following is None:
-            found = self._builder.add(states[i])
-        else:
-            unknown = np.full(output.mu.shape, np.nan)
-            found = self._builder.add(states[i], replace(output, mu=unknown, **seen_fields(following[i])))
-        if found is None:
-            raise RuntimeError(f"tick {states.tick[i]} does not follow tick {output.tick}")
-        return found
-
-    def _make_plant(self, seed: int) -> Simulation:
-        return make_simulation(self._draw(self._plant, seed), self._gait)
-
-    def _next_episode(self, i: int) -> int:
-        return int(self._rngs[i].integers(2**32))
+        super().__init__(Estimating(parameters, controller, robots), robots, lambda seed: draw(plant, seed))

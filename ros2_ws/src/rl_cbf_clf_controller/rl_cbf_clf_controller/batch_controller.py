@@ -193,6 +193,10 @@ class BatchController:
         self._seen = seen
         return scene_of(self._one, seen, errors)
 
+    def identified(self) -> Estimates:
+        """Those of the identified robots, of the states that were looked at last."""
+        return sum(identified(self._one, self._seen), self._none)
+
     def _read(self, states: "RobotStates | RobotState") -> None:
         """Into the rows."""
         given = self._given

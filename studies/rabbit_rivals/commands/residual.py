@@ -24,8 +24,8 @@ def residual(
     flat: Annotated[float, typer.Option(min=0, max=1, help="share of the robots that walk on flat ground")] = 0.25,
 ) -> None:
     """Train the policy within the step in MuJoCo, over random plants: DIR/policy.safetensors and a curve."""
-    from rabbit_residual.session import SessionError
-    from rabbit_residual.training import options, train
+    from rabbit_rivals.residual import LEARNERS, train
+    from rabbit_rivals.session import Options, SessionError
 
     tell_if_bare(
         context,
@@ -35,6 +35,6 @@ def residual(
     own_folder(out, "residual")
     try:
         with complaints(SessionError):
-            print(f"written {train(options(learner, ticks=ticks, seed=seed, robots=robots, flat=flat), out)}")
+            print(f"written {train(Options(learner, ticks, seed, robots, flat=flat, **LEARNERS[learner]), out)}")
     except KeyboardInterrupt as stop:
         fail("stopped; the same command goes on from the last line of the curve", code=of_interrupt(stop))

@@ -1,0 +1,192 @@
+"""PPO and SAC of stable-baselines3, and DAgger, of small networks that read the first numbers of an observation.
+
+The network's output through tanh, without noise, is the policy that is shipped. Value networks read all of an
+observation: also what no robot knows, its plant (Pinto et al., arXiv 1710.06542).
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+import torch
+from rabbit_description.state import Array
+from stable_baselines3 import PPO, SAC, TD3
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.buffers import ReplayBuffer
+from stable_baselines3.common.policies import ActorCriticPolicy
+from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
+from stable_baselines3.common.vec_env import VecEnv
+from stable_baselines3.sac.policies import SACPolicy
+from stable_baselines3.td3.policies import TD3Policy
+from torch import Tensor, nn
+
+STDS = 0.05, 0.25, 0.5  # of the noise: PPO's least, at first, PPO's most
+SMALL = 0.05  # times SAC's first weights of the last layer: its actor begins by saying next to nothing
+HALF = 200_000  # ticks in which the share of the episodes that DAgger's teacher walks halves
+
+
+class First(BaseFeaturesExtractor):
+    """The first numbers of an observation."""
+
+    def forward(self, observations: Tensor) -> Tensor:
+        """(N, k) to (N, features_dim)."""
+        return observations[:, : self.features_dim]
+
+
+class Networks(nn.Module):
+    """PPO's hidden layers: the actor's of the first numbers, the value's of all."""
+
+    def __init__(self, reads: int, known: int, hidden: int) -> None:
+        super().__init__()
+        self.reads, self.latent_dim_pi, self.latent_dim_vf = reads, hidden, hidden
+        self.actor, self.value = layers(reads, hidden, nn.ReLU), layers(known, hidden, nn.Tanh)
+
+    def forward(self, features: Tensor) -> tuple[Tensor, Tensor]:
+        """Of features (N, known): (N, hidden) each."""
+        return self.forward_actor(features), self.forward_critic(features)
+
+    def forward_actor(self, features: Tensor) -> Tensor:
+        """(N, hidden)."""
+        hidden: Tensor = self.actor(features[:, : self.reads])
+        return hidden
+
+    def forward_critic(self, features: Tensor) -> Tensor:
+        """(N, hidden)."""
+        hidden: Tensor = self.value(features)
+        return hidden
+
+
+def layers(inputs: int, hidden: int, activation: type[nn.Module]) -> nn.Sequential:
+    """Two hidden ones."""
+    return nn.Sequential(nn.Linear(inputs, hidden), activation(), nn.Linear(hidden, hidden), activation())
+
+
+class PpoPolicy(ActorCriticPolicy):
+    """The mean goes through tanh; the noise stays within `STDS`."""
+
+    def __init__(self, *args: Any, reads: int, hidden: int, **kwargs: Any) -> None:
+        self._sizes = reads, hidden
+        super().__init__(*args, log_std_init=math.log(STDS[1]), **kwargs)
+
+    def _build_mlp_extractor(self) -> None:
+        self.mlp_extractor: Any = Networks(self._sizes[0], self.features_dim, self._sizes[1])
+
+    def _build(self, lr_schedule: Any) -> None:
+        super()._build(lr_schedule)
+        self.action_net: Any = nn.Sequential(self.action_net, nn.Tanh())
+
+    def set_training_mode(self, mode: bool) -> None:
+        """Before each rollout, and before each update."""
+        super().set_training_mode(mode)
+        with torch.no_grad():
+            self.log_std.clamp_(math.log(STDS[0]), math.log(STDS[2]))
+
+    @property
+    def shipped(self) -> nn.Module:
+        """What has the layers of the policy's mean, in their order."""
+        return nn.Sequential(self.mlp_extractor.actor, self.action_net)
+
+
+class SacPolicy(SACPolicy):
+    """Its actor reads the first numbers."""
+
+    def __init__(self, *args: Any, reads: int, hidden: int, **kwargs: Any) -> None:
+        self._reads = reads
+        super().__init__(*args, net_arch=[hidden, hidden], **kwargs)
+
+    def make_actor(self, features_extractor: BaseFeaturesExtractor | None = None) -> Any:
+        """See `SACPolicy`."""
+        actor = super().make_actor(First(self.observation_space, self._reads))
+        with torch.no_grad():
+            for value in [*actor.mu.parameters(), *actor.log_std.parameters()]:
+                value.mul_(SMALL)
+            actor.log_std.bias.fill_(math.log(STDS[1]))
+        return actor
+
+    @property
+    def shipped(self) -> nn.Module:
+        """See `PpoPolicy`."""
+        return nn.Sequential(self.actor.latent_pi, self.actor.mu)
+
+
+class StudentPolicy(TD3Policy):
+    """Its actor reads the first numbers."""
+
+    def __init__(self, *args: Any, reads: int, hidden: int, **kwargs: Any) -> None:
+        self._reads = reads
+        super().__init__(*args, net_arch=[hidden, hidden], **kwargs)
+
+    def make_actor(self, features_extractor: BaseFeaturesExtractor | None = None) -> Any:
+        """See `TD3Policy`."""
+        return super().make_actor(First(self.observation_space, self._reads))
+
+    @property
+    def shipped(self) -> nn.Module:
+        """See `PpoPolicy`."""
+        return self.actor.mu
+
+
+class Dagger(TD3):
+    """DAgger (Ross, Gordon, Bagnell, arXiv 1011.0686): a student learns what its teacher would do where it walks.
+
+    Of a tick `infos` has, as `wanted`, the action that gives the teacher's torque, NaN where it has no answer. Torque is
+    in proportion to an action, so the squared error of one is that of the other. The teacher walks a share of the
+    episodes, all at first, then fewer and fewer. Of TD3 there are the actor and the replay; nothing is paid.
+    """
+
+    def _on_step(self) -> None:
+        super()._on_step()
+        assert self.env
+        for formulation in self.env.get_attr("formulation"):
+            formulation.taught = 0.5 ** (self.num_timesteps / HALF)
+
+    def _store_transition(
+        self, replay_buffer: ReplayBuffer, buffer_action: Any, new_obs: Any, reward: Any, dones: Any, infos: Any
+    ) -> None:
+        wanted = np.array([info["wanted"] for info in infos])
+        super()._store_transition(replay_buffer, wanted, new_obs, reward, dones, infos)
+
+    def train(self, gradient_steps: int, batch_size: int = 100) -> None:
+        """Of so many minibatches; the error is 0 where the teacher had no answer."""
+        assert self.replay_buffer
+        for _ in range(gradient_steps):
+            examples = self.replay_buffer.sample(batch_size)
+            loss = (self.actor(examples.observations) - examples.actions).nan_to_num().square().mean()
+            self.actor.optimizer.zero_grad()
+            loss.backward()
+            self.actor.optimizer.step()
+
+
+KINDS: dict[str, tuple[type[BaseAlgorithm], type[Any]]] = {
+    "ppo": (PPO, PpoPolicy),
+    "sac": (SAC, SacPolicy),
+    "dagger": (Dagger, StudentPolicy),
+}
+EVERY = {"sac": 32, "dagger": 128}  # ticks between two minibatches
+SETTINGS: dict[str, dict[str, Any]] = {
+    "ppo": {"batch_size": 2048, "n_epochs": 5, "target_kl": 0.02},
+    "sac": {"batch_size": 256, "buffer_size": 500_000, "learning_starts": 0, "ent_coef": "auto_0.01"},
+    "dagger": {"batch_size": 512, "buffer_size": 1_000_000, "learning_starts": 0},
+}
+
+
+def make(
+    name: str, environment: VecEnv, reads: int, seed: int, rollout: int, hidden: int, **changes: Any
+) -> BaseAlgorithm:
+    """The learner of that name; `rollout`: ticks of each robot between two updates; `changes` of its settings."""
+    kind, policy = KINDS[name]
+    every = EVERY.get(name)
+    ticks = {"train_freq": rollout, "gradient_steps": rollout * environment.num_envs // every} if every else {}
+    settings = {**(ticks or {"n_steps": rollout}), **SETTINGS[name], **changes}
+    sizes = {"reads": reads, "hidden": hidden}
+    return kind(policy, environment, policy_kwargs=sizes, seed=seed, device="cpu", **settings)
+
+
+def actor_arrays(model: BaseAlgorithm) -> dict[str, Array]:
+    """`0.weight` to `2.bias` of the policy's mean."""
+    linear = [layer for layer in model.policy.shipped.modules() if isinstance(layer, nn.Linear)]
+    return {
+        f"{i}.{name}": value.detach().numpy().copy()
+        for i, layer in enumerate(linear)
+        for name, value in layer.named_parameters()
+    }
