@@ -10,18 +10,17 @@ from typing import Any
 import numpy as np
 import torch
 from rabbit_description.state import Array
-from stable_baselines3 import PPO, SAC, TD3
+from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.buffers import ReplayBuffer
 from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.sac.policies import SACPolicy
-from stable_baselines3.td3.policies import TD3Policy
 from torch import Tensor, nn
 
 STDS = 0.05, 0.25, 0.5  # of the noise: PPO's least, at first, PPO's most
-SMALL = 0.05  # times SAC's first weights of the last layer: its actor begins by saying next to nothing
+SMALL = 0.05  # times the first weights of SAC's last layer: the actor begins by saying next to nothing
 HALF = 200_000  # ticks in which the share of the episodes that DAgger's teacher walks halves
 
 
@@ -66,7 +65,7 @@ class PpoPolicy(ActorCriticPolicy):
 
     def __init__(self, *args: Any, reads: int, hidden: int, **kwargs: Any) -> None:
         self._sizes = reads, hidden
-        super().__init__(*args, log_std_init=math.log(STDS[1]), **kwargs)
+        super().__init__(*args, **kwargs)
 
     def _build_mlp_extractor(self) -> None:
         self.mlp_extractor: Any = Networks(self._sizes[0], self.features_dim, self._sizes[1])
@@ -74,6 +73,8 @@ class PpoPolicy(ActorCriticPolicy):
     def _build(self, lr_schedule: Any) -> None:
         super()._build(lr_schedule)
         self.action_net: Any = nn.Sequential(self.action_net, nn.Tanh())
+        with torch.no_grad():
+            self.log_std.fill_(math.log(STDS[1]))
 
     def set_training_mode(self, mode: bool) -> None:
         """Before each rollout, and before each update."""
@@ -92,11 +93,12 @@ class SacPolicy(SACPolicy):
 
     def __init__(self, *args: Any, reads: int, hidden: int, **kwargs: Any) -> None:
         self._reads = reads
-        super().__init__(*args, net_arch=[hidden, hidden], **kwargs)
+        kwargs["net_arch"] = [hidden, hidden]
+        super().__init__(*args, **kwargs)
 
     def make_actor(self, features_extractor: BaseFeaturesExtractor | None = None) -> Any:
         """See `SACPolicy`."""
-        actor = super().make_actor(First(self.observation_space, self._reads))
+        actor: Any = super().make_actor(First(self.observation_space, self._reads))
         with torch.no_grad():
             for value in [*actor.mu.parameters(), *actor.log_std.parameters()]:
                 value.mul_(SMALL)
@@ -109,33 +111,21 @@ class SacPolicy(SACPolicy):
         return nn.Sequential(self.actor.latent_pi, self.actor.mu)
 
 
-class StudentPolicy(TD3Policy):
-    """Its actor reads the first numbers."""
-
-    def __init__(self, *args: Any, reads: int, hidden: int, **kwargs: Any) -> None:
-        self._reads = reads
-        super().__init__(*args, net_arch=[hidden, hidden], **kwargs)
-
-    def make_actor(self, features_extractor: BaseFeaturesExtractor | None = None) -> Any:
-        """See `TD3Policy`."""
-        return super().make_actor(First(self.observation_space, self._reads))
-
-    @property
-    def shipped(self) -> nn.Module:
-        """See `PpoPolicy`."""
-        return self.actor.mu
-
-
-class Dagger(TD3):
+class Dagger(SAC):
     """DAgger (Ross, Gordon, Bagnell, arXiv 1011.0686): a student learns what its teacher would do where it walks.
 
-    Of a tick `infos` has, as `wanted`, the action that gives the teacher's torque, NaN where it has no answer. Torque is
+    `infos` has as `wanted` the action that gives the teacher's torque, NaN where it has no answer. Torque is
     in proportion to an action, so the squared error of one is that of the other. The teacher walks a share of the
-    episodes, all at first, then fewer and fewer. Of TD3 there are the actor and the replay; nothing is paid.
+    episodes, all at first, then fewer and fewer. Of SAC there are the actor and the replay; no reward enters.
     """
 
+    def predict(
+        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
+    ) -> Any:
+        """Never with noise."""
+        return super().predict(observation, state, episode_start, deterministic=True)
+
     def _on_step(self) -> None:
-        super()._on_step()
         assert self.env
         for formulation in self.env.get_attr("formulation"):
             formulation.taught = 0.5 ** (self.num_timesteps / HALF)
@@ -146,12 +136,13 @@ class Dagger(TD3):
         wanted = np.array([info["wanted"] for info in infos])
         super()._store_transition(replay_buffer, wanted, new_obs, reward, dones, infos)
 
-    def train(self, gradient_steps: int, batch_size: int = 100) -> None:
-        """Of so many minibatches; the error is 0 where the teacher had no answer."""
+    def train(self, gradient_steps: int, batch_size: int = 512) -> None:
+        """On so many minibatches; the error is 0 where the teacher had no answer."""
         assert self.replay_buffer
         for _ in range(gradient_steps):
             examples = self.replay_buffer.sample(batch_size)
-            loss = (self.actor(examples.observations) - examples.actions).nan_to_num().square().mean()
+            error = self.actor(examples.observations, deterministic=True) - examples.actions
+            loss = error.nan_to_num().square().mean()
             self.actor.optimizer.zero_grad()
             loss.backward()
             self.actor.optimizer.step()
@@ -160,7 +151,7 @@ class Dagger(TD3):
 KINDS: dict[str, tuple[type[BaseAlgorithm], type[Any]]] = {
     "ppo": (PPO, PpoPolicy),
     "sac": (SAC, SacPolicy),
-    "dagger": (Dagger, StudentPolicy),
+    "dagger": (Dagger, SacPolicy),
 }
 EVERY = {"sac": 32, "dagger": 128}  # ticks between two minibatches
 SETTINGS: dict[str, dict[str, Any]] = {
@@ -175,16 +166,18 @@ def make(
 ) -> BaseAlgorithm:
     """The learner of that name; `rollout`: ticks of each robot between two updates; `changes` of its settings."""
     kind, policy = KINDS[name]
-    every = EVERY.get(name)
-    ticks = {"train_freq": rollout, "gradient_steps": rollout * environment.num_envs // every} if every else {}
-    settings = {**(ticks or {"n_steps": rollout}), **SETTINGS[name], **changes}
-    sizes = {"reads": reads, "hidden": hidden}
-    return kind(policy, environment, policy_kwargs=sizes, seed=seed, device="cpu", **settings)
+    settings: dict[str, Any] = {"policy_kwargs": {"reads": reads, "hidden": hidden}, "seed": seed, "device": "cpu"}
+    if name in EVERY:
+        settings |= {"train_freq": rollout, "gradient_steps": rollout * environment.num_envs // EVERY[name]}
+    else:
+        settings["n_steps"] = rollout
+    return kind(policy, environment, **{**settings, **SETTINGS[name], **changes})
 
 
 def actor_arrays(model: BaseAlgorithm) -> dict[str, Array]:
     """`0.weight` to `2.bias` of the policy's mean."""
-    linear = [layer for layer in model.policy.shipped.modules() if isinstance(layer, nn.Linear)]
+    policy: Any = model.policy
+    linear = [layer for layer in policy.shipped.modules() if isinstance(layer, nn.Linear)]
     return {
         f"{i}.{name}": value.detach().numpy().copy()
         for i, layer in enumerate(linear)

@@ -24,7 +24,7 @@ KNOWN = len(ranges()) + 2  # numbers of the plant and the episode, which come af
 
 
 class OverPlants(Formulation):
-    """`robots` robots on one terrain under copies of one `controller`. All that does not end on the course's last step fails."""
+    """`robots` robots on one terrain under copies of one `controller`; an episode that is not walked to its end fails."""
 
     failure: float  # reward of an episode's bad end
 

@@ -6,7 +6,7 @@ from typing import Any
 from rabbit_benchmark.cells import Terrain
 from rabbit_description.gait import load_gaits
 from rabbit_description.robot_states import RobotStates
-from rabbit_description.state import JOINTS, Array
+from rabbit_description.state import Array
 from rabbit_experiments.provenance import commit
 from rabbit_sim.simulation import Landing, Simulation
 from rl_cbf_clf_controller.controller import Controller

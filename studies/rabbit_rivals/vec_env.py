@@ -1,20 +1,20 @@
-"""Vector environments of gymnasium as one VecEnv of stable-baselines3."""
+"""Vector environments as one VecEnv of stable-baselines3."""
 
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from gymnasium.vector import VectorEnv
+from rabbit_experiments.vector_environment import EpisodesEnv
 from stable_baselines3.common.vec_env import VecEnv
 
 
 class SideBySide(VecEnv):
-    """The robots of `environments`, one after the other; the spaces are the same, and episodes restart in the same step.
+    """The robots of `environments`, whose spaces are the same; episodes restart in the same step.
 
     What an environment tells in `infos` of each robot, the learner gets under that name.
     """
 
-    def __init__(self, environments: Sequence[VectorEnv[Any, Any, Any]]) -> None:
+    def __init__(self, environments: Sequence[EpisodesEnv]) -> None:
         self.environments = environments
         sizes = [environment.num_envs for environment in environments]
         self._ends = np.cumsum(sizes)[:-1]
@@ -50,8 +50,8 @@ class SideBySide(VecEnv):
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
         """Of each robot's environment."""
-        values = [[getattr(each, attr_name)] * each.num_envs for each in self.environments]
-        return [sum(values, [])[i] for i in self._get_indices(indices)]
+        values = [getattr(part, attr_name) for part in self.environments for _ in range(part.num_envs)]
+        return [values[i] for i in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
         """Of all environments."""

@@ -109,7 +109,7 @@ class EpisodesEnv(VectorEnv[Rows, Rows, Rows], ABC):
 
 @dataclass(frozen=True)
 class Tick:
-    """One tick of N robots: where it took them; the `landings` of those that took a step; who ended, and walked, (N,)."""
+    """A tick of N robots: where it took them; `landings` of those that took a step; who ended, who walked, (N,)."""
 
     states: RobotStates
     landings: dict[int, Landing]
