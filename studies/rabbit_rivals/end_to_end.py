@@ -4,7 +4,6 @@ reward    for each landing a share of one by its place on the stone; a little fo
           for torque and for changes of the action; -1 for a fall, a miss or a foot in a gap
 """
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,9 +12,9 @@ import numpy as np
 from rabbit_benchmark.cells import Terrain
 from rabbit_benchmark.methods import variants
 from rabbit_description.gait import load_gaits
-from rabbit_description.robot_states import RobotStates
 from rabbit_description.state import SWAP_TORQUE, TORQUE_LIMIT, Array
-from rabbit_sim.simulation import Landing, Simulation
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.simulation import Landing
 from rl_cbf_clf_controller.batch_controller import BatchController
 from rl_cbf_clf_controller.batch_output import BatchScene
 from rl_cbf_clf_controller.controller import Controller
@@ -59,7 +58,7 @@ class JointTargets(OverPlants):
         controller = Controller(parameters, load_gaits(parameters.gait), reference_alone())
         super().__init__(terrain, robots, READS, controller)
 
-    def read(self, states: RobotStates) -> Array:
+    def read(self) -> Array:
         """See `OverPlants`."""
         return observe(self._memory, self.scene)
 
@@ -97,29 +96,25 @@ class Taught(JointTargets):
         self._teacher = BatchController(controller, [controller.policy] * robots)
         super().__init__(terrain, robots)
 
-    def begin(self, i: int, simulation: Simulation, seed: int) -> None:
-        """See `OverPlants`."""
-        super().begin(i, simulation, seed)
-        self._teacher.policies[i] = replace(self._assembly, simulation=simulation.parameters).make_policy()
+    def begin_as(self, i: int, plant: SimulationParameters, seed: int) -> None:
+        """See `WalkingEnv`."""
+        super().begin_as(i, plant, seed)
+        self._teacher.policies[i] = replace(self._assembly, simulation=plant).make_policy()
         self._teacher.reset(i, seed)
         self._is_taught[i] = np.random.default_rng([seed, 2]).random() < self.taught
 
-    def read(self, states: RobotStates) -> Array:
+    def read(self) -> Array:
         """See `OverPlants`."""
-        taught = self._teacher.step(states)
-        self._next = action_for(self.scene, _other_order(self.scene, taught.torque))
-        self._next[[*{*taught.scene.faults, *taught.scene.errors}]] = np.nan
-        return super().read(states)
+        taught = self._teacher.step(self.states)
+        self._wanted = action_for(self.scene, _other_order(self.scene, taught.torque))
+        self._wanted[[*{*taught.scene.faults, *taught.scene.errors}]] = np.nan
+        return super().read()
 
     def command(self, actions: Array) -> tuple[Array, Array]:
         """See `OverPlants`."""
-        self._wanted = self._next
+        self.infos = {"wanted": self._wanted}
         drives = self._is_taught[:, None] & np.isfinite(self._wanted)
         return super().command(np.where(drives, self._wanted, actions))
-
-    def infos(self) -> dict[str, Any]:
-        """See `Formulation`."""
-        return {"wanted": self._wanted} if hasattr(self, "_wanted") else {}
 
 
 def _other_order(scene: BatchScene, torque: Array) -> Array:
@@ -129,8 +124,7 @@ def _other_order(scene: BatchScene, torque: Array) -> Array:
 
 def train(options: Options, out: Path) -> Path:
     """Train, or go on; returns the policy's file. Raises `SessionError`."""
-    o = options
-    formulation: Callable[[Terrain, int], OverPlants] = Taught if o.learner == "dagger" else JointTargets
+    o, kind = options, Taught if options.learner == "dagger" else JointTargets
 
     def write(path: Path, done: Done) -> None:
         about = NetworkAbout(
@@ -143,4 +137,4 @@ def train(options: Options, out: Path) -> Path:
         )
         ModelFile(about, done.arrays).write(path)
 
-    return learn(o, over_plants(formulation, o.robots, o.flat), READS, write, out)
+    return learn(o, over_plants(kind, o.robots, o.flat), READS, write, out)

@@ -14,7 +14,7 @@ from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.buffers import ReplayBuffer
 from stable_baselines3.common.policies import ActorCriticPolicy
-from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
+from stable_baselines3.common.torch_layers import BaseFeaturesExtractor, MlpExtractor
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.sac.policies import SACPolicy
 from torch import Tensor, nn
@@ -32,32 +32,16 @@ class First(BaseFeaturesExtractor):
         return observations[:, : self.features_dim]
 
 
-class Networks(nn.Module):
-    """PPO's hidden layers: the actor's of the first numbers, the value's of all."""
+class Networks(MlpExtractor):
+    """PPO's hidden layers: the value's read all of an observation, the actor's its first numbers."""
 
     def __init__(self, reads: int, known: int, hidden: int) -> None:
-        super().__init__()
-        self.reads, self.latent_dim_pi, self.latent_dim_vf = reads, hidden, hidden
-        self.actor, self.value = layers(reads, hidden, nn.ReLU), layers(known, hidden, nn.Tanh)
-
-    def forward(self, features: Tensor) -> tuple[Tensor, Tensor]:
-        """Of features (N, known): (N, hidden) each."""
-        return self.forward_actor(features), self.forward_critic(features)
+        super().__init__(known, [hidden, hidden], nn.Tanh)
+        self.reads, self.policy_net = reads, MlpExtractor(reads, [hidden, hidden], nn.ReLU).policy_net
 
     def forward_actor(self, features: Tensor) -> Tensor:
-        """(N, hidden)."""
-        hidden: Tensor = self.actor(features[:, : self.reads])
-        return hidden
-
-    def forward_critic(self, features: Tensor) -> Tensor:
-        """(N, hidden)."""
-        hidden: Tensor = self.value(features)
-        return hidden
-
-
-def layers(inputs: int, hidden: int, activation: type[nn.Module]) -> nn.Sequential:
-    """Two hidden ones."""
-    return nn.Sequential(nn.Linear(inputs, hidden), activation(), nn.Linear(hidden, hidden), activation())
+        """See `MlpExtractor`."""
+        return super().forward_actor(features[:, : self.reads])
 
 
 class PpoPolicy(ActorCriticPolicy):
@@ -68,7 +52,7 @@ class PpoPolicy(ActorCriticPolicy):
         super().__init__(*args, **kwargs)
 
     def _build_mlp_extractor(self) -> None:
-        self.mlp_extractor: Any = Networks(self._sizes[0], self.features_dim, self._sizes[1])
+        self.mlp_extractor = Networks(self._sizes[0], self.features_dim, self._sizes[1])
 
     def _build(self, lr_schedule: Any) -> None:
         super()._build(lr_schedule)
@@ -85,7 +69,7 @@ class PpoPolicy(ActorCriticPolicy):
     @property
     def shipped(self) -> nn.Module:
         """What has the layers of the policy's mean, in their order."""
-        return nn.Sequential(self.mlp_extractor.actor, self.action_net)
+        return nn.Sequential(self.mlp_extractor.policy_net, self.action_net)
 
 
 class SacPolicy(SACPolicy):
@@ -127,8 +111,7 @@ class Dagger(SAC):
 
     def _on_step(self) -> None:
         assert self.env
-        for formulation in self.env.get_attr("formulation"):
-            formulation.taught = 0.5 ** (self.num_timesteps / HALF)
+        self.env.set_attr("taught", 0.5 ** (self.num_timesteps / HALF))
 
     def _store_transition(
         self, replay_buffer: ReplayBuffer, buffer_action: Any, new_obs: Any, reward: Any, dones: Any, infos: Any

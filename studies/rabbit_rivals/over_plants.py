@@ -2,16 +2,14 @@
 
 from abc import abstractmethod
 from collections.abc import Callable, Iterable
-from functools import partial
 
 import numpy as np
 from gymnasium.spaces import Box
 from rabbit_benchmark.cells import Terrain
-from rabbit_description.robot_states import RobotStates
 from rabbit_description.state import JOINTS, Array
-from rabbit_experiments.vector_environment import Formulation, Rows, Tick, WalkingEnv
+from rabbit_experiments.vector_environment import Rows, WalkingEnv
 from rabbit_sim.parameters import SimulationParameters
-from rabbit_sim.simulation import Landing, Simulation
+from rabbit_sim.simulation import Landing
 from rl_cbf_clf_controller.batch_controller import BatchController
 from rl_cbf_clf_controller.controller import Controller
 
@@ -23,19 +21,19 @@ AGAIN = 0.6  # probability that a plant on which an episode failed is walked onc
 KNOWN = len(ranges()) + 2  # numbers of the plant and the episode, which come after what the policy reads
 
 
-class OverPlants(Formulation):
-    """`robots` robots on one terrain under copies of one `controller`; an episode that is not walked to its end fails."""
+class OverPlants(WalkingEnv):
+    """`robots` robots on one terrain under copies of one `controller`; an episode fails unless the course is walked."""
 
     failure: float  # reward of an episode's bad end
 
     def __init__(self, terrain: Terrain, robots: int, reads: int, controller: Controller) -> None:
-        self.terrain, self.controller = terrain, BatchController(controller, [controller.policy] * robots)
-        self.observations = Box(-np.inf, np.inf, (reads + KNOWN,), np.float32)
-        self.actions = Box(-1.0, 1.0, (JOINTS,), np.float32)
-        self._described = np.zeros((robots, KNOWN - 1))
+        self.terrain, self._described = terrain, np.zeros((robots, KNOWN - 1))
+        spaces = Box(-np.inf, np.inf, (reads + KNOWN,), np.float32), Box(-1.0, 1.0, (JOINTS,), np.float32)
+        batch = BatchController(controller, [controller.policy] * robots)
+        super().__init__(batch, *spaces, robots, self.draw, AGAIN)
 
     @abstractmethod
-    def read(self, states: RobotStates) -> Array:
+    def read(self) -> Array:
         """What the policy reads (N, r) of `scene`."""
 
     @abstractmethod
@@ -46,42 +44,36 @@ class OverPlants(Formulation):
     def step_reward(self, landing: Landing) -> float:
         """Of a step that was just taken."""
 
-    def begin(self, i: int, simulation: Simulation, seed: int) -> None:
-        """See `Formulation`."""
-        super().begin(i, simulation, seed)
-        self._described[i] = described(simulation.parameters)
+    def draw(self, seed: int) -> SimulationParameters:
+        """The plant of an episode."""
+        return draw_plant(self.terrain, np.random.default_rng([seed, 1]), STEPS)
 
-    def look(self, states: RobotStates) -> Array:
-        """See `Formulation`."""
-        self.scene = self.controller.look(states)
-        parts = self.read(states), self._described, states.touchdowns[:, None] / STEPS
+    def begin_as(self, i: int, plant: SimulationParameters, seed: int) -> None:
+        """See `WalkingEnv`."""
+        super().begin_as(i, plant, seed)
+        self._described[i] = described(plant)
+
+    def look(self) -> Rows:
+        """See `EpisodesEnv`."""
+        self.scene = self.controller.look(self.states)
+        parts = self.read(), self._described, self.states.touchdowns[:, None] / STEPS
         return np.nan_to_num(np.concatenate(parts, axis=1))
 
     def act(self, actions: Array) -> tuple[Array, Iterable[int]]:
-        """See `Formulation`."""
+        """See `WalkingEnv`."""
         torque, self._reward = self.command(actions.clip(-1, 1))
         return torque, {*self.scene.faults, *self.scene.errors}
 
-    def score(self, tick: Tick) -> tuple[Array, Rows]:
-        """See `Formulation`."""
-        reward, failed = self._reward, tick.ended & ~tick.walked
-        for i, landing in tick.landings.items():
+    def score(self) -> tuple[Array, Rows]:
+        """See `EpisodesEnv`."""
+        reward, failed = self._reward, self.tick.ended & ~self.tick.walked
+        for i, landing in self.tick.landings.items():
             reward[i] += self.step_reward(landing)
         reward[failed] += self.failure
         return reward, failed
 
 
-def over_plants(formulation: Callable[[Terrain, int], OverPlants], robots: int, flat: float) -> SideBySide:
+def over_plants(kind: Callable[[Terrain, int], OverPlants], robots: int, flat: float) -> SideBySide:
     """So many robots, of which a share walks on `flat` ground."""
     shares: dict[Terrain, int] = {"stones": robots - round(robots * flat), "flat": round(robots * flat)}
-    return SideBySide(
-        [
-            WalkingEnv(formulation(terrain, share), share, partial(_plant, terrain), AGAIN)
-            for terrain, share in shares.items()
-            if share
-        ]
-    )
-
-
-def _plant(terrain: Terrain, seed: int) -> SimulationParameters:
-    return draw_plant(terrain, np.random.default_rng([seed, 1]), STEPS)
+    return SideBySide([kind(terrain, share) for terrain, share in shares.items() if share])

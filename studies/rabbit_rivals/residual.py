@@ -5,10 +5,10 @@ from typing import Any
 
 from rabbit_benchmark.cells import Terrain
 from rabbit_description.gait import load_gaits
-from rabbit_description.robot_states import RobotStates
 from rabbit_description.state import Array
 from rabbit_experiments.provenance import commit
-from rabbit_sim.simulation import Landing, Simulation
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.simulation import Landing
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.parameters import load_parameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
@@ -37,12 +37,12 @@ class Residuals(OverPlants):
         self._memory, self._quantities = Memory.of(robots), len(controller.qp.names)
         super().__init__(terrain, robots, READS, controller)
 
-    def begin(self, i: int, simulation: Simulation, seed: int) -> None:
-        """See `OverPlants`."""
-        super().begin(i, simulation, seed)
+    def begin_as(self, i: int, plant: SimulationParameters, seed: int) -> None:
+        """See `WalkingEnv`."""
+        super().begin_as(i, plant, seed)
         self._memory.forget(i)
 
-    def read(self, states: RobotStates) -> Array:
+    def read(self) -> Array:
         """See `OverPlants`."""
         return observe(self._memory, self.scene, self.controller.identified())
 

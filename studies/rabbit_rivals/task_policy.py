@@ -14,12 +14,13 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from cbf_clf_qp.functions import Array, NumpyFunction, Values
+from cbf_clf_qp.functions import Array
 from gymnasium.spaces import Box
 from own_systems import ControlTask, TaskError
 from pydantic import Field
 from rabbit_description.task import Moved, OwnController
 from rabbit_experiments.vector_environment import EpisodesEnv
+from rl_cbf_clf_controller.batch_functions import BatchFunction
 from rl_cbf_clf_controller.network import Actor
 from rl_cbf_clf_controller.task_controller import NOMINAL, TaskController
 from rl_cbf_clf_controller.weights import PolicyFileError, layer_shapes
@@ -90,12 +91,6 @@ def scaled(about: TaskAbout, reads: Array) -> Array:
     return found
 
 
-def of_many(function: NumpyFunction, n: int) -> Callable[..., Values]:
-    """The function of n rows of each input."""
-    mapped = function.function.map(n)
-    return lambda *rows: function.values(np.array(mapped(*(each.T for each in rows))).T)
-
-
 def later_of_many(task: ControlTask, n: int) -> Callable[..., Array]:
     """The true states (n, x) a tick later, of states, parameters and inputs."""
     step, h = task.later_by.function, task.seconds / task.substeps
@@ -118,7 +113,7 @@ class TaskVectorEnv(EpisodesEnv):
         n, k, m = (symbol.numel() for symbol in (task.system.x, task.system.p, task.system.u))
         reads = Box(-BOUND, BOUND, (len(self.about.reads),), np.float64)
         super().__init__(robots, reads, Box(-1.0, 1.0, (m,), np.float64))
-        self._look_at, self._later = of_many(task.tick.look, robots), later_of_many(task, robots)
+        self._look_at, self._later = BatchFunction(task.tick.look), later_of_many(task, robots)
         self._x, self._p, self._ticks = np.zeros((robots, n)), np.zeros((robots, k)), np.zeros(robots, dtype=int)
         self._commands: list[Any] = [None] * robots
 

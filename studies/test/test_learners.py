@@ -33,7 +33,6 @@ class OneTick(EpisodesEnv):
     def __init__(self, robots: int, failed: bool, reward: Any) -> None:
         super().__init__(robots, Box(-1.0, 1.0, (2,), np.float32), Box(-1.0, 1.0, (1,), np.float32))
         self._failed, self._reward, self._reads = np.full(robots, failed), reward, np.zeros((robots, 2))
-        self.formulation = self
 
     def begin(self, robots: list[int], seeds: list[int]) -> None:
         for i, seed in zip(robots, seeds, strict=True):
@@ -43,15 +42,13 @@ class OneTick(EpisodesEnv):
         return self._reads.copy()
 
     def advance(self, actions: Array) -> Array:
-        self._wanted = np.where(np.arange(len(actions)) % 5, 0.4 * self._reads[:, 0], np.nan)[:, None]
+        wanted = np.where(np.arange(len(actions)) % 5, 0.4 * self._reads[:, 0], np.nan)
+        self.infos = {"wanted": wanted[:, None]}
         self._rewards = self._reward(*self._reads.T.copy(), actions[:, 0])
         return np.ones(len(actions), dtype=bool)
 
     def score(self) -> tuple[Array, Array]:
         return self._rewards, self._failed
-
-    def infos(self) -> dict[str, Any]:
-        return {"wanted": self._wanted} if hasattr(self, "_wanted") else {}
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,6 @@ from rabbit_benchmark.families import families
 from rabbit_description.gait import load_gaits
 from rabbit_description.state import Array
 from rabbit_experiments.assembly import make_simulation
-from rabbit_experiments.vector_environment import WalkingEnv
 from rabbit_rivals.end_to_end import JointTargets
 from rabbit_rivals.joint_targets import READS, JointTargetController, NetworkAbout, NetworkPolicy
 from rabbit_rivals.model_file import ModelFile
@@ -48,8 +47,8 @@ def test_a_robot_walks_in_the_environment_as_with_the_file(kind: Callable[..., O
         name: 0.1 * rng.standard_normal(shape).astype(np.float32)
         for name, shape in layer_shapes(reads, 8, 8, 4).items()
     }
-    formulation, actor = kind("stones", 2), Actor(arrays)
-    parameters = formulation.controller.parameters
+    env, actor = kind("stones", 2), Actor(arrays)
+    parameters = env.controller.parameters
     gaits = load_gaits(parameters.gait)
     about = NetworkAbout(learner="none", hidden=(8, 8), ticks=0, hours=0.0, seed=0, command="")
     controller = (
@@ -63,13 +62,13 @@ def test_a_robot_walks_in_the_environment_as_with_the_file(kind: Callable[..., O
         seeds.append(seed)
         return PLANT.model_copy(update={"mass_scale": 2.0}) if len(seeds) == 2 else PLANT
 
-    env = WalkingEnv(formulation, 2, plant)
+    env._plant = plant
     observed, _ = env.reset(seed=3)
     alone: list[Record] = []
     rollout(make_simulation(PLANT, gaits), controller, seeds[0], alone.append)
     assert len(alone) > 30
     for tick, record in enumerate(alone):
-        np.testing.assert_allclose(env._batch.states.q[0], record.state.q, atol=1e-4)
+        np.testing.assert_allclose(env.states.q[0], record.state.q, atol=1e-4)
         observed, _, failed, cut, _ = env.step(actor(observed[:, :reads]))
         assert bool(failed[0] | cut[0]) == (tick == len(alone) - 1)
 
@@ -98,7 +97,8 @@ def test_the_same_seed_gives_the_same_transitions_and_another_seed_other_ones() 
 def test_a_course_walked_is_a_time_limit_and_a_fall_is_not(action: float, has_walked: bool) -> None:
     """The next episode begins in the same step, from another first state."""
     course = SimulationParameters(plant="mujoco", terrain="flat", stones=2)
-    robots = SideBySide([WalkingEnv(JointTargets("flat", 2), 2, lambda seed: course)])
+    walking = JointTargets("flat", 2)
+    walking._plant, robots = lambda seed: course, SideBySide([walking])
     last = first = walked(robots, 1, action, 0)[0][0]
     for _ in range(200):
         robots.step_async(np.full((2, 4), action, dtype=np.float32))

@@ -7,7 +7,7 @@ env = VectorWalkingEnv(TrainingParameters(), load_parameters("ours", controller=
     action        (5n,) in [-1, 1], times the action scales: all alphas, then all betas (25 on stones)
     reward        -weighted squared errors of the tick - failure penalty
 
-`WalkingEnv` takes another `Formulation`: what is read, what an action means, what is paid.
+Another `WalkingEnv` says otherwise what is read, what an action means, what is paid.
 
 A robot whose episode has ended begins another one in the same step (`AutoresetMode.SAME_STEP`), if wanted as another
 robot. Environment i draws its seeds from seed + i. `final_obs` in `infos` is what those that ended read last, before
@@ -50,7 +50,10 @@ Draw = Callable[[SimulationParameters, int], SimulationParameters]
 
 
 class EpisodesEnv(VectorEnv[Rows, Rows, Rows], ABC):
-    """`robots` episodes side by side, seeds for each robot, and the next episode in the step in which one ends."""
+    """`robots` episodes side by side, seeds for each robot, and the next episode in the step in which one ends.
+
+    `infos`: what a learner may want to know besides.
+    """
 
     def __init__(self, robots: int, observations: Box, actions: Box) -> None:
         self.num_envs = robots
@@ -58,6 +61,7 @@ class EpisodesEnv(VectorEnv[Rows, Rows, Rows], ABC):
         self.single_observation_space, self.single_action_space = observations, actions
         self.observation_space, self.action_space = batch_space(observations, robots), batch_space(actions, robots)
         self._rngs = [np_random(None)[0] for _ in range(robots)]
+        self.infos = dict[str, Any]()
 
     @abstractmethod
     def begin(self, robots: list[int], seeds: list[int]) -> None:
@@ -75,10 +79,6 @@ class EpisodesEnv(VectorEnv[Rows, Rows, Rows], ABC):
     def score(self) -> tuple[Array, Rows]:
         """The tick's rewards (N,), and which episodes it ended badly; asked once the robots have been looked at."""
 
-    def infos(self) -> dict[str, Any]:
-        """What a learner may want to know besides."""
-        return {}
-
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Rows, dict[str, Any]]:
@@ -87,7 +87,7 @@ class EpisodesEnv(VectorEnv[Rows, Rows, Rows], ABC):
         self._rngs = [rng if each is None else np_random(each)[0] for rng, each in zip(self._rngs, seeds, strict=True)]
         self._begin(range(self.num_envs))
         self._observations = self._look()
-        return self._observations, self.infos()
+        return self._observations, self.infos
 
     def step(self, actions: Rows) -> tuple[Rows, Rows, Rows, Rows, dict[str, Any]]:
         """One tick of all."""
@@ -95,9 +95,7 @@ class EpisodesEnv(VectorEnv[Rows, Rows, Rows], ABC):
         self._begin(ended.nonzero()[0].tolist())
         self._observations = self._look()
         rewards, failed = self.score()
-        infos = self.infos()
-        if ended.any():
-            infos |= {"final_obs": last, "_final_obs": ended}
+        infos = self.infos | ({"final_obs": last, "_final_obs": ended} if ended.any() else {})
         return self._observations, rewards, failed, ended & ~failed, infos
 
     def _look(self) -> Rows:
@@ -117,48 +115,33 @@ class Tick:
     walked: Rows
 
 
-class Formulation(ABC):
-    """The walk of N robots as a problem of a learner, under one `controller`."""
+class WalkingEnv(EpisodesEnv):
+    """Walks in MuJoCo under one `controller`; `plant`: that of an episode, from its seed.
 
-    observations: Box  # of one robot
-    actions: Box
-    controller: BatchController
+    `again`: the probability that a plant on which an episode ended badly is walked once more.
+    """
 
-    def begin(self, i: int, simulation: Simulation, seed: int) -> None:
-        """Robot `i` begins an episode as this one."""
-        self.controller.reset(i, seed)
-
-    @abstractmethod
-    def look(self, states: RobotStates) -> Array:
-        """What is read (N, k) of the states."""
+    def __init__(
+        self,
+        controller: BatchController,
+        observations: Box,
+        actions: Box,
+        robots: int,
+        plant: Callable[[int], SimulationParameters],
+        again: float = 0.0,
+    ) -> None:
+        super().__init__(robots, observations, actions)
+        self.controller, self._plant, self._again = controller, plant, again
+        self._gait = load_gaits(controller.parameters.gait)
 
     @abstractmethod
     def act(self, actions: Array) -> tuple[Array, Iterable[int]]:
         """The torques (N, 4) of `actions` (N, m) where it has looked last; and robots whose episode must end."""
 
-    @abstractmethod
-    def score(self, tick: Tick) -> tuple[Array, Rows]:
-        """See `EpisodesEnv.score`."""
-
-    def infos(self) -> dict[str, Any]:
-        """See `EpisodesEnv.infos`."""
-        return {}
-
-
-class WalkingEnv(EpisodesEnv):
-    """Walks in MuJoCo. `plant`: that of an episode, from its seed."""
-
-    def __init__(
-        self,
-        formulation: Formulation,
-        robots: int,
-        plant: Callable[[int], SimulationParameters],
-        again: float = 0.0,
-    ) -> None:
-        """`again`: the probability that a plant on which an episode ended badly is walked once more."""
-        super().__init__(robots, formulation.observations, formulation.actions)
-        self.formulation, self._plant, self._again = formulation, plant, again
-        self._gait = load_gaits(formulation.controller.parameters.gait)
+    @property
+    def states(self) -> RobotStates:
+        """Where the robots are."""
+        return self._batch.states
 
     def begin(self, robots: list[int], seeds: list[int]) -> None:
         """See `EpisodesEnv`."""
@@ -169,37 +152,29 @@ class WalkingEnv(EpisodesEnv):
             for i, seed in zip(robots, seeds, strict=True):
                 self._batch.restart(i, self._next_simulation(i, seed), seed)
         for i, seed in zip(robots, seeds, strict=True):
-            self.formulation.begin(i, self._batch.simulations[i], seed)
+            self.begin_as(i, self._batch.simulations[i].parameters, seed)
 
-    def _next_simulation(self, i: int, seed: int) -> Simulation:
-        if self._again and not self._tick.walked[i] and self._rngs[i].random() < self._again:
-            return self._batch.simulations[i]
-        return make_simulation(self._plant(seed), self._gait)
-
-    def look(self) -> Rows:
-        """See `EpisodesEnv`."""
-        return self.formulation.look(self._batch.states)
+    def begin_as(self, i: int, plant: SimulationParameters, seed: int) -> None:
+        """Robot `i` has begun an episode as this plant."""
+        self.controller.reset(i, seed)
 
     def advance(self, actions: Array) -> Rows:
         """See `EpisodesEnv`."""
-        batch, before = self._batch, self._batch.states.touchdowns.copy()
-        torque, refused = self.formulation.act(actions)
+        batch, before = self._batch, self.states.touchdowns.copy()
+        torque, refused = self.act(actions)
         states = batch.step(torque)
         ended = ~states.running
         ended[[*refused]] = True
         stepped = (states.touchdowns > before).nonzero()[0].tolist()
         landings = {i: batch.simulations[i].landings[-1] for i in stepped}
         walked = ended & [simulation.outcome is Outcome.WALKED for simulation in batch.simulations]
-        self._tick = Tick(states.kept(np.arange(len(states))), landings, ended, walked)
+        self.tick = Tick(states.kept(np.arange(len(states))), landings, ended, walked)
         return ended
 
-    def score(self) -> tuple[Array, Rows]:
-        """See `EpisodesEnv`."""
-        return self.formulation.score(self._tick)
-
-    def infos(self) -> dict[str, Any]:
-        """See `EpisodesEnv`."""
-        return self.formulation.infos()
+    def _next_simulation(self, i: int, seed: int) -> Simulation:
+        if self._again and not self.tick.walked[i] and self._rngs[i].random() < self._again:
+            return self._batch.simulations[i]
+        return make_simulation(self._plant(seed), self._gait)
 
 
 class LearnerUnits:
@@ -224,57 +199,8 @@ class LearnerUnits:
         return seen
 
 
-class Estimating(Formulation):
-    """An action is the estimates of the model's errors; their errors are paid, as in the paper."""
-
-    def __init__(self, parameters: TrainingParameters, controller: ControllerParameters, robots: int) -> None:
-        self._parameters, self._units = parameters, LearnerUnits(parameters)
-        self.observations, self.actions = self._units.observations, self._units.actions
-        zero = ZeroPolicy(controller.problem)  # the actions take its place
-        exploring = controller.model_copy(update={"sigma": parameters.sigma})
-        self.controller = BatchController(Controller(exploring, load_gaits(controller.gait), zero), [zero] * robots)
-        self._builder = TransitionBuilder(parameters)
-
-    def look(self, states: RobotStates) -> Array:
-        """See `Formulation`."""
-        self._scene = self.controller.look(states)
-        self._infos: dict[str, Any] = {"next_LgV": self._scene.seen.LgV.copy()}
-        return self._units.scaled(self._scene.observation)
-
-    def act(self, actions: Array) -> tuple[Array, Iterable[int]]:
-        """See `Formulation`."""
-        scene = self._scene
-        output = self.controller.decide(scene, self._units.estimates(actions, scene.seen.LgV))
-        self._outputs = [output[i] for i in range(len(actions))]
-        return output.torque, {*scene.faults, *scene.errors}
-
-    def score(self, tick: Tick) -> tuple[Array, Rows]:
-        """See `Formulation`."""
-        transitions = [self._transition(tick, i) for i in range(len(tick.states))]
-        self._infos["transition"] = transitions
-        failed = np.array([transition.failed for transition in transitions])
-        return np.array([reward(transition, self._parameters) for transition in transitions]), failed
-
-    def infos(self) -> dict[str, Any]:
-        """See `Formulation`."""
-        return self._infos
-
-    def _transition(self, tick: Tick, i: int) -> Transition:
-        """Of robot `i`, from its output to what is seen next, or to the end."""
-        output, following = self._outputs[i], None
-        if not tick.ended[i]:
-            unknown = np.full(output.mu.shape, np.nan)
-            following = replace(output, mu=unknown, **seen_fields(self._scene[i]))
-        self._builder.reset()
-        self._builder.add(tick.states[i], output)
-        transition = self._builder.add(tick.states[i], following)
-        if transition is None:
-            raise RuntimeError(f"tick {tick.states.tick[i]} does not follow tick {output.tick}")
-        return transition
-
-
 class VectorWalkingEnv(WalkingEnv):
-    """Under estimates. `draw`: the plant of an episode from its seed."""
+    """An action is the estimates of the model's errors. `draw`: the plant of an episode from its seed."""
 
     def __init__(
         self,
@@ -291,4 +217,45 @@ class VectorWalkingEnv(WalkingEnv):
             raise ValueError(f"plant = {plant.plant}: expected mujoco")
         if controller.adaptation != "none":
             raise ValueError(f"adaptation = {controller.adaptation}: expected none in a vector environment")
-        super().__init__(Estimating(parameters, controller, robots), robots, lambda seed: draw(plant, seed))
+        self.parameters, self._units, self._builder = (
+            parameters,
+            LearnerUnits(parameters),
+            TransitionBuilder(parameters),
+        )
+        zero = ZeroPolicy(controller.problem)  # the actions take its place
+        exploring = controller.model_copy(update={"sigma": parameters.sigma})
+        batch = BatchController(Controller(exploring, load_gaits(controller.gait), zero), [zero] * robots)
+        spaces = self._units.observations, self._units.actions
+        super().__init__(batch, *spaces, robots, lambda seed: draw(plant, seed))
+
+    def look(self) -> Rows:
+        """See `EpisodesEnv`."""
+        self._scene = self.controller.look(self.states)
+        self.infos = {"next_LgV": self._scene.seen.LgV.copy()}
+        return self._units.scaled(self._scene.observation)
+
+    def act(self, actions: Array) -> tuple[Array, Iterable[int]]:
+        """See `WalkingEnv`."""
+        scene = self._scene
+        output = self.controller.decide(scene, self._units.estimates(actions, scene.seen.LgV))
+        self._outputs = [output[i] for i in range(self.num_envs)]
+        return output.torque, {*scene.faults, *scene.errors}
+
+    def score(self) -> tuple[Array, Rows]:
+        """See `EpisodesEnv`."""
+        transitions = self.infos["transition"] = [self._transition(i) for i in range(self.num_envs)]
+        rewards = np.array([reward(transition, self.parameters) for transition in transitions])
+        return rewards, np.array([transition.failed for transition in transitions])
+
+    def _transition(self, i: int) -> Transition:
+        """Of robot `i`, from its output to what is seen next, or to the end."""
+        output, state, following = self._outputs[i], self.tick.states[i], None
+        if not self.tick.ended[i]:
+            unknown = np.full(output.mu.shape, np.nan)
+            following = replace(output, mu=unknown, **seen_fields(self._scene[i]))
+        self._builder.reset()
+        self._builder.add(state, output)
+        transition = self._builder.add(state, following)
+        if transition is None:
+            raise RuntimeError(f"tick {state.tick} does not follow tick {output.tick}")
+        return transition
