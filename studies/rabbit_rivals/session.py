@@ -122,7 +122,8 @@ class Keeper(Bar):
 
     def __exit__(self, *_: object) -> None:
         super().__exit__()
-        self.keep()
+        if self.n_calls:
+            self.keep()
 
     def keep(self) -> None:
         """The session as it stands."""
