@@ -1,18 +1,17 @@
 """Walks over the plants of the training: as a robot walks with the file; how episodes end and begin; which plants."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 from rabbit_benchmark.families import families
 from rabbit_description.gait import load_gaits
-from rabbit_description.state import Array
+from rabbit_description.state import Array, Leg
 from rabbit_experiments.assembly import make_simulation
 from rabbit_rivals.end_to_end import JointTargets
 from rabbit_rivals.joint_targets import READS, JointTargetController, NetworkAbout, NetworkPolicy
 from rabbit_rivals.model_file import ModelFile
-from rabbit_rivals.over_plants import KNOWN, OverPlants, over_plants
+from rabbit_rivals.over_plants import KNOWN, over_plants
 from rabbit_rivals.plants import draw_plant
 from rabbit_rivals.residual import Residuals
 from rabbit_rivals.vec_env import SideBySide
@@ -23,7 +22,10 @@ from rl_cbf_clf_controller.network import Actor
 from rl_cbf_clf_controller.weights import layer_shapes
 from rl_trainer.rollout import Record, rollout
 
-PLANT = SimulationParameters(plant="mujoco", stones=2, mass_scale=1.2, motor_lag=0.004)
+CHANGES = {}, {"mass_scale": 2.0}, {"velocity_noise": 0.02}, {"coulomb": 1.0}
+PLANTS = [
+    SimulationParameters(plant="mujoco", terrain="flat", stones=2, motor_lag=0.004, **changes) for changes in CHANGES
+]
 
 
 class Same(residual_policy.ResidualPolicy):
@@ -40,15 +42,12 @@ class Same(residual_policy.ResidualPolicy):
 
 
 @pytest.mark.parametrize(("kind", "reads"), [(JointTargets, READS), (Residuals, residual_policy.READS)])
-def test_a_robot_walks_in_the_environment_as_with_the_file(kind: Callable[..., OverPlants], reads: int) -> None:
-    """Beside a heavier robot; but for the single precision of what a learner reads."""
-    rng = np.random.default_rng(1)
-    arrays = {
-        name: 0.1 * rng.standard_normal(shape).astype(np.float32)
-        for name, shape in layer_shapes(reads, 8, 8, 4).items()
-    }
-    env, actor = kind("stones", 2), Actor(arrays)
-    parameters = env.controller.parameters
+def test_robots_walk_side_by_side_as_each_walks_alone_with_the_file(kind: Any, reads: int) -> None:
+    """But for the single precision of what a learner reads."""
+    rng, shapes = np.random.default_rng(1), layer_shapes(reads, 8, 8, 4)
+    arrays = {name: 0.03 * rng.standard_normal(shape).astype(np.float32) for name, shape in shapes.items()}
+    robots, actor = kind("flat", len(PLANTS)), Actor(arrays)
+    parameters = robots.controller.parameters
     gaits = load_gaits(parameters.gait)
     about = NetworkAbout(learner="none", hidden=(8, 8), ticks=0, hours=0.0, seed=0, command="")
     controller = (
@@ -57,20 +56,17 @@ def test_a_robot_walks_in_the_environment_as_with_the_file(kind: Callable[..., O
         else Controller(parameters, gaits, Same(actor))
     )
     seeds: list[int] = []
-
-    def plant(seed: int) -> SimulationParameters:
-        seeds.append(seed)
-        return PLANT.model_copy(update={"mass_scale": 2.0}) if len(seeds) == 2 else PLANT
-
-    env._plant = plant
-    observed, _ = env.reset(seed=3)
-    alone: list[Record] = []
-    rollout(make_simulation(PLANT, gaits), controller, seeds[0], alone.append)
-    assert len(alone) > 30
-    for tick, record in enumerate(alone):
-        np.testing.assert_allclose(env.states.q[0], record.state.q, atol=1e-4)
-        observed, _, failed, cut, _ = env.step(actor(observed[:, :reads]))
-        assert bool(failed[0] | cut[0]) == (tick == len(alone) - 1)
+    robots._plant = lambda seed: seeds.append(seed) or PLANTS[(len(seeds) - 1) % len(PLANTS)]
+    observed, _ = robots.reset(seed=3)
+    alone = [list[Record]() for _ in PLANTS]
+    for plant, seed, records in zip(PLANTS, seeds, alone, strict=True):
+        rollout(make_simulation(plant, gaits), controller, seed, records.append)
+    last = min(map(len, alone)) - 1
+    assert {record.output.stance for record in alone[0][:last]} == {Leg.LEFT, Leg.RIGHT}
+    for tick in range(last + 1):
+        np.testing.assert_allclose(robots.states.q, [records[tick].state.q for records in alone], atol=1e-3)
+        observed, _, failed, cut, _ = robots.step(actor(observed[:, :reads]))
+        assert (failed | cut).tolist() == [tick == len(records) - 1 for records in alone]
 
 
 def walked(robots: SideBySide, seed: int, action: float, ticks: int) -> list[tuple[Any, ...]]:
