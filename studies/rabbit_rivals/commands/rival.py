@@ -1,12 +1,16 @@
 """Train the field's methods that this project is compared with: end-to-end RL, GPs."""
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 from rabbit_common.exit_codes import of_interrupt
 from rabbit_common.options import complaints, fail, tell_if_bare
 from rabbit_common.own_folder import new_file, own_folder
+
+if TYPE_CHECKING:
+    from rabbit_rivals.session import Options
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, help=__doc__)
 
@@ -27,17 +31,27 @@ def end_to_end(
 ) -> None:
     """Train joint targets by PPO, SAC or DAgger in MuJoCo, over random plants: DIR/policy.safetensors and a curve."""
     from rabbit_rivals.end_to_end import LEARNERS, train
-    from rabbit_rivals.session import Options, SessionError
+    from rabbit_rivals.session import Options
+
+    options = Options(learner, ticks, seed, robots, **LEARNERS[learner])
+    in_session(context, "rival end-to-end", options, out, train)
+
+
+def in_session(
+    context: typer.Context, command: str, options: "Options", out: Path, train: "Callable[[Options, Path], Path]"
+) -> None:
+    """What a `command` that trains in a session does."""
+    from rabbit_rivals.session import SessionError
 
     tell_if_bare(
         context,
-        f"{ticks:,} ticks, hours; a session that is stopped goes on. To begin:",
-        f"rabbit rival end-to-end --ticks {ticks}",
+        f"{options.ticks:,} ticks, hours; a session that is stopped goes on. To begin:",
+        f"rabbit {command} --ticks {options.ticks}",
     )
-    own_folder(out, "rival end-to-end")
+    own_folder(out, command)
     try:
         with complaints(SessionError):
-            print(f"written {train(Options(learner, ticks, seed, robots, **LEARNERS[learner]), out)}")
+            print(f"written {train(options, out)}")
     except KeyboardInterrupt as stop:
         fail("stopped; the same command goes on from the last line of the curve", code=of_interrupt(stop))
 
