@@ -5,7 +5,7 @@
     reward      PER_TICK / (1 + V / its median under the nominal controller); -1 where the episode has failed or a
                 barrier is below its tolerance, which ends it
 
-`rabbit rival task TASK` trains, and `rabbit system evaluate TASK --controller ppo:FILE` rides what was trained.
+`rabbit rival task TASK` trains, and `rabbit evaluate --task TASK --controller ppo:FILE` rides what was trained.
 """
 
 from collections.abc import Callable
@@ -14,27 +14,27 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from cbf_clf_qp.functions import Array, NumpyFunction, Values
+from cbf_clf_qp.batch_functions import BatchFunction
+from cbf_clf_qp.functions import Array
 from gymnasium.spaces import Box
-from gymnasium.vector import AutoresetMode, VectorEnv
-from gymnasium.vector.utils import batch_space
 from pydantic import Field
 from rabbit_description.task import ControlTask, Moved, OwnController, TaskError
-from rabbit_residual.fleet import Rollout
-from rabbit_residual.ppo import Ppo, PpoParameters
+from rabbit_experiments.vector_environment import EpisodesEnv
 from rl_cbf_clf_controller.network import Actor
 from rl_cbf_clf_controller.task_controller import NOMINAL, TaskController
 from rl_cbf_clf_controller.weights import PolicyFileError, layer_shapes
 from rl_trainer.task_episode import ride_of
 
+from rabbit_rivals.learners import actor_arrays, make
 from rabbit_rivals.model_file import About, ModelFile, read
+from rabbit_rivals.session import Bar
+from rabbit_rivals.vec_env import SideBySide
 
 PER_TICK, BROKEN = 0.02, -1.0  # reward
 RIDES = 3  # of the nominal controller, which show the units
 USED, ROOM = 0.99, 2.0  # where inputs have no limit: this quantile of the nominal ones, and so many times of it
 BOUND = 10.0  # of each number that is read
-ROBOTS, ROLLOUT = 32, 128  # side by side; ticks of each between two updates
-LEARNER = PpoParameters(hidden=64, gamma=0.995)
+ROBOTS, ROLLOUT, HIDDEN = 32, 128, 64  # side by side; ticks of each between two updates; units of a layer
 
 
 class TaskAbout(About):
@@ -46,7 +46,7 @@ class TaskAbout(About):
     scale: tuple[float, ...]
     inputs: tuple[float, ...] = Field(description="the greatest |u|")
     V: float = Field(description="of which the reward of a tick is half")
-    hidden: tuple[int, int] = (LEARNER.hidden, LEARNER.hidden)
+    hidden: tuple[int, int] = (HIDDEN, HIDDEN)
     ticks: int = Field(0, ge=0, description="of training")
     seed: int = 0
 
@@ -90,12 +90,6 @@ def scaled(about: TaskAbout, reads: Array) -> Array:
     return found
 
 
-def of_many(function: NumpyFunction, n: int) -> Callable[..., Values]:
-    """The function of n rows of each input."""
-    mapped = function.function.map(n)
-    return lambda *rows: function.values(np.array(mapped(*(each.T for each in rows))).T)
-
-
 def later_of_many(task: ControlTask, n: int) -> Callable[..., Array]:
     """The true states (n, x) a tick later, of states, parameters and inputs."""
     step, h = task.later_by.function, task.seconds / task.substeps
@@ -107,56 +101,49 @@ def later_of_many(task: ControlTask, n: int) -> Callable[..., Array]:
     return lambda *rows: np.array(tick(*(each.T for each in rows))).T
 
 
-class TaskVectorEnv(VectorEnv[Array, Array, Array]):
-    """`robots` rides of a task side by side, on its true plant; one that has ended begins again in the same step."""
+class TaskVectorEnv(EpisodesEnv):
+    """`robots` rides of a task side by side, on its true plant."""
 
-    def __init__(self, task: ControlTask, robots: int, about: TaskAbout | None = None) -> None:
+    def __init__(self, task: ControlTask, robots: int) -> None:
         """Raises `TaskError` where the state jumps, or the plant is the task's own: neither is batched."""
         if task.impact or task.plant:
             raise TaskError(f"{task.name}: an impact, or a plant of its own; expected neither in a batch")
-        self.task, self.about, self.num_envs = task, about or units_of(task), robots
+        self.task, self.about = task, units_of(task)
         n, k, m = (symbol.numel() for symbol in (task.system.x, task.system.p, task.system.u))
-        self.metadata = {"autoreset_mode": AutoresetMode.SAME_STEP}
-        self.single_observation_space = Box(-BOUND, BOUND, (len(self.about.reads),), np.float64)
-        self.single_action_space = Box(-1.0, 1.0, (m,), np.float64)
-        self.observation_space = batch_space(self.single_observation_space, robots)
-        self.action_space = batch_space(self.single_action_space, robots)
-        self._look, self._later = of_many(task.tick.look, robots), later_of_many(task, robots)
+        reads = Box(-BOUND, BOUND, (len(self.about.reads),), np.float64)
+        super().__init__(robots, reads, Box(-1.0, 1.0, (m,), np.float64))
+        self._look_at, self._later = BatchFunction(task.tick.look), later_of_many(task, robots)
         self._x, self._p, self._ticks = np.zeros((robots, n)), np.zeros((robots, k)), np.zeros(robots, dtype=int)
         self._commands: list[Any] = [None] * robots
-        self._rng = np.random.default_rng()
 
-    def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """New rides, whose seeds follow from `seed`."""
-        self._rng = np.random.default_rng(seed)
-        for i in range(self.num_envs):
-            self._begin(i)
-        return self._seen()[0], {}
+    def begin(self, robots: list[int], seeds: list[int]) -> None:
+        """See `EpisodesEnv`."""
+        for i, seed in zip(robots, seeds, strict=True):
+            self._x[i], self._commands[i], _ = self.task.beginning(seed)
+            self._ticks[i] = 0
+            self._p[i] = self.task.parameters_at({}, self._commands[i](0.0, 0))
 
-    def step(self, actions: Array) -> tuple[Array, Array, Array, Array, dict[str, Any]]:
-        """A tick of all."""
-        task, u = self.task, np.clip(actions, -1, 1) * self.about.inputs
+    def look(self) -> Array:
+        """See `EpisodesEnv`."""
+        return self._seen()[0]
+
+    def advance(self, actions: Array) -> Array:
+        """See `EpisodesEnv`."""
+        task, u = self.task, actions.clip(-1, 1) * self.about.inputs
         true = self._parameters(task.true)
         self._x, self._ticks = self._later(self._x, true, u), self._ticks + 1
         now = zip(self._x, true, u, self._ticks.tolist(), strict=True)
         ends = [task.outcome(Moved(x, held, 0), p, ticks, 0) for x, p, held, ticks in now]
         self._p = self._parameters({})
-        reads, V, barriers = self._seen()
-        failed = np.array([each == "failed" for each in ends]) | (barriers < -task.tolerance).any(axis=1)
-        ended = failed | np.array([bool(each) for each in ends])
-        reward = np.where(failed, BROKEN, PER_TICK / (1 + V / self.about.V))
-        infos: dict[str, Any] = {}
-        if ended.any():
-            infos = {"final_obs": reads, "_final_obs": ended}
-            for i in ended.nonzero()[0].tolist():
-                self._begin(i)
-            reads = self._seen()[0]
-        return reads, reward, failed, ended & ~failed, infos
+        _, V, barriers = self._seen()
+        failed = np.array([end == "failed" for end in ends]) | (barriers < -task.tolerance).any(axis=1)
+        self._score = np.where(failed, BROKEN, PER_TICK / (1 + V / self.about.V)), failed
+        ended: Array = failed | np.array([bool(end) for end in ends])
+        return ended
 
-    def _begin(self, i: int) -> None:
-        self._x[i], self._commands[i], _ = self.task.beginning(int(self._rng.integers(2**32)))
-        self._ticks[i] = 0
-        self._p[i] = self.task.parameters_at({}, self._commands[i](0.0, 0))
+    def score(self) -> tuple[Array, Array]:
+        """See `EpisodesEnv`."""
+        return self._score
 
     def _parameters(self, of_plant: Any) -> Array:
         at = zip(self._commands, (self._ticks * self.task.seconds).tolist(), strict=True)
@@ -165,32 +152,19 @@ class TaskVectorEnv(VectorEnv[Array, Array, Array]):
     def _seen(self) -> tuple[Array, Array, Array]:
         """What is read (N, r), V (N,), and the barriers' values (N, b)."""
         with np.errstate(all="ignore"):
-            seen = self._look(self._x, self._p)
+            seen = self._look_at(self._x, self._p)
             reads = np.nan_to_num(scaled(self.about, whole(self.task, seen, self._p)))
         return reads, np.nan_to_num(seen.V[:, 0], nan=np.inf), seen.barriers
 
 
-def train(task: ControlTask, ticks: int, seed: int, tell: Callable[[str], object] = print) -> ModelFile[TaskAbout]:
+def train(task: ControlTask, ticks: int, seed: int) -> ModelFile[TaskAbout]:
     """The network after so many ticks of all robots together. Raises `TaskError`."""
-    env = TaskVectorEnv(task, ROBOTS)
-    ppo = Ppo(len(env.about.reads), 0, len(env.about.inputs), LEARNER, seed)
-    reads, _ = env.reset(seed=seed)
-    for done in range(ROBOTS * ROLLOUT, ticks + ROBOTS * ROLLOUT, ROBOTS * ROLLOUT):
-        rows = []
-        for _ in range(ROLLOUT):
-            said = ppo.act(reads)
-            following, reward, failed, cut, _ = env.step(said)
-            rows.append((reads, reads[:, :0], said, reward, failed | cut, failed))
-            reads = following
-        rows.append((reads, *rows[-1][1:]))
-        rollout = Rollout(*(np.stack(column) for column in zip(*rows, strict=True)))
-        std, _ = ppo.update([rollout])
-        last = rollout.reward[:-1], rollout.ended[:-1], rollout.failed[:-1]
-        if (done // (ROBOTS * ROLLOUT)) % 20 == 0:
-            reward, ended, failed = (each.sum() for each in last)
-            mean = reward / last[0].size
-            tell(f"{done} ticks: reward {mean:.4f} a tick, {ended} ended, {failed} failed, std {std:.2f}")
-    return ModelFile(env.about.model_copy(update={"ticks": done, "seed": seed}), ppo.arrays())
+    environment = TaskVectorEnv(task, ROBOTS)
+    about, settings = environment.about, {"learning_rate": 4e-4, "gamma": 0.995}
+    model = make("ppo", SideBySide([environment]), len(about.reads), seed, ROLLOUT, HIDDEN, **settings)
+    with Bar(ticks) as bar:
+        model.learn(ticks, bar)
+    return ModelFile(about.model_copy(update={"ticks": model.num_timesteps, "seed": seed}), actor_arrays(model))
 
 
 def controller_of(task: ControlTask, path: Path) -> OwnController:

@@ -25,11 +25,8 @@ from rabbit_rivals.joint_targets import (
 )
 from rabbit_rivals.methods import PD
 from rabbit_rivals.model_file import ModelFile
-from rabbit_sim.batch_simulation import BatchSimulation
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Simulation
-from rl_cbf_clf_controller.batch_controller import BatchController
-from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.residual_policy import of_one
 
 GAITS = load_gaits("paper_stones")
@@ -78,41 +75,6 @@ def test_an_action_gives_the_torque_it_was_found_for_or_the_nearest() -> None:
     low, high = (command(Memory.of(200), scene, each) for each in (least, most))
     assert given == pytest.approx(np.clip(torque, low, high))
     assert 0.2 < (np.abs(action) < 1).mean() < 0.9
-
-
-@pytest.mark.parametrize("terrain", ["stones", "flat"])
-def test_n_robots_walk_as_each_walks_alone_to_the_bit(terrain: str) -> None:
-    course = {"plant": "mujoco", "terrain": terrain, "motor_lag": 0.004}
-    wide = {"stone_width": 0.25, "l_min_mean": 0.2} if terrain == "stones" else {}
-    changes = ({}, {"mass_scale": 1.5}, {"velocity_noise": 0.02}, {"torque_rate": 40000.0}, {"coulomb": 1.0})
-    plants = [SimulationParameters.model_validate(course | wide | each) for each in changes]
-    policy = some_network()
-    alone = []
-    for seed, plant in enumerate(plants):
-        simulation, own, torques = Simulation(plant, GAITS), controller(terrain, policy), []
-        state = simulation.reset(seed)
-        own.reset(seed)
-        while state.running and len(torques) < 60:
-            output = own.step(state)
-            torques.append(output.torque)
-            state = simulation.step(output.torque)
-        alone.append(torques)
-    ticks, legs = min(map(len, alone)), set()
-
-    parameters = PD.on(terrain).assembly().controller
-    batch = BatchSimulation([Simulation(plant, GAITS) for plant in plants])
-    together = BatchController(Controller(parameters, GAITS, policy), [policy] * len(plants))
-    states, memory = batch.reset(range(len(plants))), Memory.of(len(plants))
-    for seed in range(len(plants)):
-        together.reset(seed, seed)
-    for tick in range(ticks):
-        scene = together.look(states)
-        legs |= set(scene.stance.tolist())
-        torque = command(memory, scene, policy.act(observe(memory, scene))).clip(-200, 200)
-        torque = np.where(scene.stance[:, None], torque[:, SWAP_TORQUE], torque)
-        assert np.array_equal(torque, [torques[tick] for torques in alone])
-        states = batch.step(torque)
-    assert legs == {Leg.LEFT, Leg.RIGHT}
 
 
 def test_the_history_is_of_this_episode_the_newest_last() -> None:

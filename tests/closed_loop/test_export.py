@@ -151,6 +151,6 @@ def test_a_task_answers_a_rides_readings_as_in_python(name: str, controller: str
     subprocess.run(["make", "-s", "-C", tmp_path], check=True)
     said = subprocess.run(["./example"], cwd=tmp_path, check=False, capture_output=True, text=True).stdout
     assert re.fullmatch(rf"{len(inputs)} ticks, [0-9.]+ us each, 1 with other inputs than Python's\n", said)
+    made.policy = "oracle"
     with pytest.raises(ExportError, match="policy oracle"):
-        made.policy = "oracle"
         export(made, tmp_path / "out")

@@ -1,12 +1,16 @@
 """Train the field's methods that this project is compared with: end-to-end RL, GPs."""
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 from rabbit_common.exit_codes import of_interrupt
 from rabbit_common.options import complaints, fail, tell_if_bare
 from rabbit_common.own_folder import new_file, own_folder
+
+if TYPE_CHECKING:
+    from rabbit_rivals.session import Options
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, help=__doc__)
 
@@ -26,19 +30,28 @@ def end_to_end(
     robots: Annotated[int, typer.Option(min=4, max=4096, help="robots that walk side by side")] = 128,
 ) -> None:
     """Train joint targets by PPO, SAC or DAgger in MuJoCo, over random plants: DIR/policy.safetensors and a curve."""
-    from rabbit_residual.session import SessionError
+    from rabbit_rivals.end_to_end import LEARNERS, train
+    from rabbit_rivals.session import Options
 
-    from rabbit_rivals.end_to_end import options, train
+    options = Options(learner, ticks, seed, robots, **LEARNERS[learner])
+    in_session(context, "rival end-to-end", options, out, train)
+
+
+def in_session(
+    context: typer.Context, command: str, options: "Options", out: Path, train: "Callable[[Options, Path], Path]"
+) -> None:
+    """What a `command` that trains in a session does."""
+    from rabbit_rivals.session import SessionError
 
     tell_if_bare(
         context,
-        f"{ticks:,} ticks, hours; a session that is stopped goes on. To begin:",
-        f"rabbit rival end-to-end --ticks {ticks}",
+        f"{options.ticks:,} ticks, hours; a session that is stopped goes on. To begin:",
+        f"rabbit {command} --ticks {options.ticks}",
     )
-    own_folder(out, "rival end-to-end")
+    own_folder(out, command)
     try:
         with complaints(SessionError):
-            print(f"written {train(options(learner, ticks=ticks, seed=seed, robots=robots), out)}")
+            print(f"written {train(options, out)}")
     except KeyboardInterrupt as stop:
         fail("stopped; the same command goes on from the last line of the curve", code=of_interrupt(stop))
 
@@ -50,7 +63,7 @@ def task(
     ticks: Annotated[int, typer.Option(min=1, max=10**11, help="ticks of all rides together")] = 1_000_000,
     seed: Seed = 1,
 ) -> None:
-    """Train a system of your own end to end by PPO; then rabbit system evaluate TASK --controller ppo:FILE."""
+    """Train a system of your own end to end by PPO; then rabbit evaluate --task TASK --controller ppo:FILE."""
     from rabbit_description.task import TaskError
     from rabbit_description.task_source import load_task
 

@@ -1,4 +1,4 @@
-"""N walks of RABBITs in MuJoCo as a `gymnasium.vector.VectorEnv`, a row a robot, for learners of one's own.
+"""N episodes side by side as a `gymnasium.vector.VectorEnv`, a row a robot: walks of RABBITs in MuJoCo above all.
 
 env = VectorWalkingEnv(TrainingParameters(), load_parameters("ours", controller="rl-cbf-clf-qp"),
                        SimulationParameters(plant="mujoco", sensors="lab"), robots=64)
@@ -7,13 +7,17 @@ env = VectorWalkingEnv(TrainingParameters(), load_parameters("ours", controller=
     action        (5n,) in [-1, 1], times the action scales: all alphas, then all betas (25 on stones)
     reward        -weighted squared errors of the tick - failure penalty
 
+Another `WalkingEnv` says otherwise what is read, what an action means, what is paid.
+
 A robot whose episode has ended begins another one in the same step (`AutoresetMode.SAME_STEP`), if wanted as another
-robot. Environment i draws its seeds from seed + i. `infos` has `next_LgV` (N, m), each tick's `transition`, and
-`final_obs` of those that ended. A time limit or a fault truncates an episode.
+robot. Environment i draws its seeds from seed + i. `final_obs` in `infos` is what those that ended read last, before
+the tick that ended them. A time limit truncates an episode; so does a fault, where actions are estimates, and then
+`infos` also has `next_LgV` (N, m) and each tick's `transition`.
 """
 
-from collections.abc import Callable
-from dataclasses import replace
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -29,21 +33,148 @@ from rabbit_description.robot_states import RobotStates
 from rabbit_description.state import Array
 from rabbit_sim.batch_simulation import BatchSimulation
 from rabbit_sim.parameters import SimulationParameters
-from rabbit_sim.simulation import Simulation
+from rabbit_sim.simulation import Landing, Outcome, Simulation
 from rl_cbf_clf_controller.batch_controller import BatchController
-from rl_cbf_clf_controller.batch_output import BatchScene
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.controller_output import seen_fields
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ZeroPolicy, estimate_function
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.reward import reward
-from rl_trainer.transitions import TransitionBuilder
+from rl_trainer.transitions import Transition, TransitionBuilder
 
 from rabbit_experiments.assembly import make_simulation
 
-Float32 = NDArray[np.float32]
+Rows = NDArray[Any]
 Draw = Callable[[SimulationParameters, int], SimulationParameters]
+
+
+class EpisodesEnv(VectorEnv[Rows, Rows, Rows], ABC):
+    """`robots` episodes side by side, seeds for each robot, and the next episode in the step in which one ends.
+
+    `infos`: what a learner may want to know besides.
+    """
+
+    def __init__(self, robots: int, observations: Box, actions: Box) -> None:
+        self.num_envs = robots
+        self.metadata = {"autoreset_mode": AutoresetMode.SAME_STEP}
+        self.single_observation_space, self.single_action_space = observations, actions
+        self.observation_space, self.action_space = batch_space(observations, robots), batch_space(actions, robots)
+        self._rngs = [np_random(None)[0] for _ in range(robots)]
+        self.infos = dict[str, Any]()
+
+    @abstractmethod
+    def begin(self, robots: list[int], seeds: list[int]) -> None:
+        """The next episodes of these robots; of all at a reset."""
+
+    @abstractmethod
+    def look(self) -> Rows:
+        """What is read (N, k) of where the robots are now."""
+
+    @abstractmethod
+    def advance(self, actions: Array) -> Rows:
+        """A tick of all under `actions` (N, m); returns whose episodes it ended, (N,)."""
+
+    @abstractmethod
+    def score(self) -> tuple[Array, Rows]:
+        """The tick's rewards (N,), and which episodes it ended badly; asked once the robots have been looked at."""
+
+    def reset(
+        self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Rows, dict[str, Any]]:
+        """New episodes; robots, courses, first states and noise follow from the seed."""
+        seeds = seed if isinstance(seed, list) else [seed if seed is None else seed + i for i in range(self.num_envs)]
+        self._rngs = [rng if each is None else np_random(each)[0] for rng, each in zip(self._rngs, seeds, strict=True)]
+        self._begin(range(self.num_envs))
+        self._observations = self._look()
+        return self._observations, self.infos
+
+    def step(self, actions: Rows) -> tuple[Rows, Rows, Rows, Rows, dict[str, Any]]:
+        """One tick of all."""
+        ended, last = self.advance(np.asarray(actions, dtype=float)), self._observations
+        self._begin(ended.nonzero()[0].tolist())
+        self._observations = self._look()
+        rewards, failed = self.score()
+        infos = self.infos | ({"final_obs": last, "_final_obs": ended} if ended.any() else {})
+        return self._observations, rewards, failed, ended & ~failed, infos
+
+    def _look(self) -> Rows:
+        return self.look().astype(self.single_observation_space.dtype)
+
+    def _begin(self, robots: Iterable[int]) -> None:
+        self.begin([*robots], [int(self._rngs[i].integers(2**32)) for i in robots])
+
+
+@dataclass(frozen=True)
+class Tick:
+    """A tick of N robots: where it took them; `landings` of those that took a step; who ended, who walked, (N,)."""
+
+    states: RobotStates
+    landings: dict[int, Landing]
+    ended: Rows
+    walked: Rows
+
+
+class WalkingEnv(EpisodesEnv):
+    """Walks in MuJoCo under one `controller`; `plant`: that of an episode, from its seed.
+
+    `again`: the probability that a plant on which an episode ended badly is walked once more.
+    """
+
+    def __init__(
+        self,
+        controller: BatchController,
+        observations: Box,
+        actions: Box,
+        robots: int,
+        plant: Callable[[int], SimulationParameters],
+        again: float = 0.0,
+    ) -> None:
+        super().__init__(robots, observations, actions)
+        self.controller, self._plant, self._again = controller, plant, again
+        self._gait = load_gaits(controller.parameters.gait)
+
+    @abstractmethod
+    def act(self, actions: Array) -> tuple[Array, Iterable[int]]:
+        """The torques (N, 4) of `actions` (N, m) where it has looked last; and robots whose episode must end."""
+
+    @property
+    def states(self) -> RobotStates:
+        """Where the robots are."""
+        return self._batch.states
+
+    def begin(self, robots: list[int], seeds: list[int]) -> None:
+        """See `EpisodesEnv`."""
+        if len(robots) == self.num_envs:
+            self._batch = BatchSimulation([make_simulation(self._plant(seed), self._gait) for seed in seeds])
+            self._batch.reset(seeds)
+        else:
+            for i, seed in zip(robots, seeds, strict=True):
+                self._batch.restart(i, self._next_simulation(i, seed), seed)
+        for i, seed in zip(robots, seeds, strict=True):
+            self.begin_as(i, self._batch.simulations[i].parameters, seed)
+
+    def begin_as(self, i: int, plant: SimulationParameters, seed: int) -> None:
+        """Robot `i` has begun an episode as this plant."""
+        self.controller.reset(i, seed)
+
+    def advance(self, actions: Array) -> Rows:
+        """See `EpisodesEnv`."""
+        batch, before = self._batch, self.states.touchdowns.copy()
+        torque, refused = self.act(actions)
+        states = batch.step(torque)
+        ended = ~states.running
+        ended[[*refused]] = True
+        stepped = (states.touchdowns > before).nonzero()[0].tolist()
+        landings = {i: batch.simulations[i].landings[-1] for i in stepped}
+        walked = ended & [simulation.outcome is Outcome.WALKED for simulation in batch.simulations]
+        self.tick = Tick(states.kept(np.arange(len(states))), landings, ended, walked)
+        return ended
+
+    def _next_simulation(self, i: int, seed: int) -> Simulation:
+        if self._again and not self.tick.walked[i] and self._rngs[i].random() < self._again:
+            return self._batch.simulations[i]
+        return make_simulation(self._plant(seed), self._gait)
 
 
 class LearnerUnits:
@@ -62,14 +193,14 @@ class LearnerUnits:
         found = self._estimates(actions, LgV, *self._scales)
         return Estimates(found.alpha, found.beta, None)
 
-    def scaled(self, observation: Array) -> Float32:
+    def scaled(self, observation: Array) -> Rows:
         """Observations (..., k) as they are seen."""
-        seen: Float32 = ((observation[..., : len(self._center)] - self._center) / self._scale).astype(np.float32)
+        seen: Rows = ((observation[..., : len(self._center)] - self._center) / self._scale).astype(np.float32)
         return seen
 
 
-class VectorWalkingEnv(VectorEnv[Float32, Float32, NDArray[Any]]):
-    """`draw`: the plant of an episode from its seed."""
+class VectorWalkingEnv(WalkingEnv):
+    """An action is the estimates of the model's errors. `draw`: the plant of an episode from its seed."""
 
     def __init__(
         self,
@@ -86,72 +217,45 @@ class VectorWalkingEnv(VectorEnv[Float32, Float32, NDArray[Any]]):
             raise ValueError(f"plant = {plant.plant}: expected mujoco")
         if controller.adaptation != "none":
             raise ValueError(f"adaptation = {controller.adaptation}: expected none in a vector environment")
-        self.parameters, self._plant, self._draw = parameters, plant, draw
-        self._gait = load_gaits(controller.gait)
+        self.parameters, self._units, self._builder = (
+            parameters,
+            LearnerUnits(parameters),
+            TransitionBuilder(parameters),
+        )
         zero = ZeroPolicy(controller.problem)  # the actions take its place
-        own = controller.model_copy(update={"sigma": parameters.sigma})
-        self._controller = BatchController(Controller(own, self._gait, zero), [zero] * robots)
-        self._units, self._builder = LearnerUnits(parameters), TransitionBuilder(parameters)
-        self.num_envs = robots
-        self.metadata = {"autoreset_mode": AutoresetMode.SAME_STEP}
-        self.single_observation_space = self._units.observations
-        self.single_action_space = self._units.actions
-        self.observation_space = batch_space(self.single_observation_space, robots)
-        self.action_space = batch_space(self.single_action_space, robots)
-        self._rngs = [np_random(None)[0] for _ in range(robots)]
+        exploring = controller.model_copy(update={"sigma": parameters.sigma})
+        batch = BatchController(Controller(exploring, load_gaits(controller.gait), zero), [zero] * robots)
+        spaces = self._units.observations, self._units.actions
+        super().__init__(batch, *spaces, robots, lambda seed: draw(plant, seed))
 
-    def reset(
-        self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Float32, dict[str, Any]]:
-        """New walks; their robots, courses, first states and noise follow from the seed."""
-        seeds = seed if isinstance(seed, list) else [seed if seed is None else seed + i for i in range(self.num_envs)]
-        self._rngs = [rng if each is None else np_random(each)[0] for rng, each in zip(self._rngs, seeds, strict=True)]
-        episodes = [self._next_episode(i) for i in range(self.num_envs)]
-        self._batch = BatchSimulation([self._make_plant(episode) for episode in episodes])
-        self._batch.reset(episodes)
-        for i, episode in enumerate(episodes):
-            self._controller.reset(i, episode)
-        self._scene = self._controller.look(self._batch.states)
-        return self._units.scaled(self._scene.observation), {"next_LgV": self._scene.seen.LgV.copy()}
+    def look(self) -> Rows:
+        """See `EpisodesEnv`."""
+        self._scene = self.controller.look(self.states)
+        self.infos = {"next_LgV": self._scene.seen.LgV.copy()}
+        return self._units.scaled(self._scene.observation)
 
-    def step(self, actions: Float32) -> tuple[Float32, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
-        """One tick with `actions` (N, 5n) as the estimates."""
-        batch, controller, n = self._batch, self._controller, self.num_envs
-        estimates = self._units.estimates(np.asarray(actions, dtype=float), self._scene.seen.LgV)
-        scene, output = self._scene, controller.decide(self._scene, estimates)
-        outputs = [output[i] for i in range(n)]
-        states = batch.step(output.torque)
-        has_ended, ends = ~states.running, {}
-        has_ended[[*scene.faults, *scene.errors]] = True
-        for i in has_ended.nonzero()[0].tolist():
-            ends[i] = self._transition(outputs[i], states, i, None)
-            episode = self._next_episode(i)
-            batch.restart(i, self._make_plant(episode), episode)
-            controller.reset(i, episode)
-        self._scene = following = controller.look(batch.states)
-        transitions = [ends.get(i) or self._transition(outputs[i], states, i, following) for i in range(n)]
-        rewards = np.array([reward(each, self.parameters) for each in transitions])
-        failed = np.array([each.failed for each in transitions])
-        infos: dict[str, Any] = {"next_LgV": following.seen.LgV.copy(), "transition": transitions}
-        if has_ended.any():
-            infos |= {"final_obs": self._units.scaled(scene.observation), "_final_obs": has_ended}
-        return self._units.scaled(following.observation), rewards, failed, has_ended & ~failed, infos
+    def act(self, actions: Array) -> tuple[Array, Iterable[int]]:
+        """See `WalkingEnv`."""
+        scene = self._scene
+        output = self.controller.decide(scene, self._units.estimates(actions, scene.seen.LgV))
+        self._outputs = [output[i] for i in range(self.num_envs)]
+        return output.torque, {*scene.faults, *scene.errors}
 
-    def _transition(self, output: Any, states: RobotStates, i: int, following: BatchScene | None) -> Any:
+    def score(self) -> tuple[Array, Rows]:
+        """See `EpisodesEnv`."""
+        transitions = self.infos["transition"] = [self._transition(i) for i in range(self.num_envs)]
+        rewards = np.array([reward(transition, self.parameters) for transition in transitions])
+        return rewards, np.array([transition.failed for transition in transitions])
+
+    def _transition(self, i: int) -> Transition:
         """Of robot `i`, from its output to what is seen next, or to the end."""
-        self._builder.reset()
-        self._builder.add(states[i], output)
-        if following is None:
-            found = self._builder.add(states[i])
-        else:
+        output, state, following = self._outputs[i], self.tick.states[i], None
+        if not self.tick.ended[i]:
             unknown = np.full(output.mu.shape, np.nan)
-            found = self._builder.add(states[i], replace(output, mu=unknown, **seen_fields(following[i])))
-        if found is None:
-            raise RuntimeError(f"tick {states.tick[i]} does not follow tick {output.tick}")
-        return found
-
-    def _make_plant(self, seed: int) -> Simulation:
-        return make_simulation(self._draw(self._plant, seed), self._gait)
-
-    def _next_episode(self, i: int) -> int:
-        return int(self._rngs[i].integers(2**32))
+            following = replace(output, mu=unknown, **seen_fields(self._scene[i]))
+        self._builder.reset()
+        self._builder.add(state, output)
+        transition = self._builder.add(state, following)
+        if transition is None:
+            raise RuntimeError(f"tick {state.tick} does not follow tick {output.tick}")
+        return transition

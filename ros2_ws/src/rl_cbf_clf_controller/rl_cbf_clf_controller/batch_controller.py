@@ -192,6 +192,10 @@ class BatchController:
         self._seen = seen
         return scene_of(self._one, seen, errors)
 
+    def identified(self) -> Estimates:
+        """Those of the identified robots, of the states that were looked at last."""
+        return sum(identified(self._one, self._seen), self._none)
+
     def reading(self, states: Any) -> Array:
         """The states as the function reads them, without noise, (N, size)."""
         self._read(states)

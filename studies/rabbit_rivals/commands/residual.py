@@ -4,9 +4,8 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
-from rabbit_common.exit_codes import of_interrupt
-from rabbit_common.options import complaints, fail, tell_if_bare
-from rabbit_common.own_folder import own_folder
+
+from rabbit_rivals.commands.rival import Seed, in_session
 
 app = typer.Typer(add_completion=False)
 
@@ -19,22 +18,12 @@ def residual(
     ),
     learner: Annotated[Literal["ppo", "sac"], typer.Option(help="how it learns")] = "ppo",
     ticks: Annotated[int, typer.Option(min=1, max=10**11, help="ticks of all robots together")] = 6_000_000,
-    seed: Annotated[int, typer.Option(min=0, max=2**31, help="seed of the training")] = 1,
+    seed: Seed = 1,
     robots: Annotated[int, typer.Option(min=4, max=4096, help="robots that walk side by side")] = 128,
     flat: Annotated[float, typer.Option(min=0, max=1, help="share of the robots that walk on flat ground")] = 0.25,
 ) -> None:
     """Train the policy within the step in MuJoCo, over random plants: DIR/policy.safetensors and a curve."""
-    from rabbit_residual.session import SessionError
-    from rabbit_residual.training import options, train
+    from rabbit_rivals.residual import LEARNERS, train
+    from rabbit_rivals.session import Options
 
-    tell_if_bare(
-        context,
-        f"{ticks:,} ticks, hours; a session that is stopped goes on. To begin:",
-        f"rabbit residual --ticks {ticks}",
-    )
-    own_folder(out, "residual")
-    try:
-        with complaints(SessionError):
-            print(f"written {train(options(learner, ticks=ticks, seed=seed, robots=robots, flat=flat), out)}")
-    except KeyboardInterrupt as stop:
-        fail("stopped; the same command goes on from the last line of the curve", code=of_interrupt(stop))
+    in_session(context, "residual", Options(learner, ticks, seed, robots, flat=flat, **LEARNERS[learner]), out, train)
