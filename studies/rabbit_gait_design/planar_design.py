@@ -8,7 +8,7 @@
 For RABBIT, with its stones, there is `design`, which knows more conditions.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import count
 
@@ -59,19 +59,35 @@ def design(
     """
     programme = _Programme(walker, wanted, guess.coeffs[:, 2:].shape)
     first, iterations = np.append(guess.coeffs[:, 2:], guess.phase_angle_end), count(1)
-    found = minimize(
-        programme.cost,
-        first,
-        method="SLSQP",
-        bounds=np.column_stack([first - NEAR, first + NEAR]),
-        constraints=[{"type": "eq", "fun": programme.equal}, {"type": "ineq", "fun": programme.least}],
-        options={"maxiter": 200, "ftol": 1e-5},
-        callback=lambda x: progress(next(iterations), programme.cost(x)),
-    )
+    try:
+        found = minimize(
+            programme.cost,
+            first,
+            method="SLSQP",
+            bounds=np.column_stack([first - NEAR, first + NEAR]),
+            constraints=[{"type": "eq", "fun": programme.equal}, {"type": "ineq", "fun": programme.least}],
+            options={"maxiter": 200, "ftol": 1e-5},
+            callback=lambda x: progress(next(iterations), programme.cost(x)),
+        )
+    except (ArithmeticError, np.linalg.LinAlgError) as error:
+        raise PlanarDesignError(f"no gait of {wanted} found: {error}") from error
     broken = programme.broken(found.x)
     if broken:
         raise PlanarDesignError(f"no gait of {wanted} found ({found.message}); still broken: {', '.join(broken)}")
     return RepeatedStep(walker, programme.path(found.x))
+
+
+def search(
+    walker: Walker, wanted: PlanarSpecification, guesses: Iterable[StepPath], progress: Progress = lambda _, __: None
+) -> RepeatedStep:
+    """The first gait that is found near one of the guesses; raises `PlanarDesignError` of the last."""
+    error = PlanarDesignError("expected a guess")
+    for guess in guesses:
+        try:
+            return design(walker, wanted, guess, progress)
+        except PlanarDesignError as failed:
+            error = failed
+    raise error
 
 
 class _Programme:

@@ -1,18 +1,27 @@
 """A three-link walker's gait on its hybrid zero dynamics: the impact closes it, and it is stable."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from rabbit_bringup.cli import app
 from rabbit_description.planar_urdf import with_planar_base
+from rabbit_description.task_source import load_task
 from rabbit_gait_design.hybrid_zero_dynamics import RepeatedStep, Walker, impact_invariant
 from rabbit_gait_design.pinocchio_model import PinocchioModel
 from rabbit_gait_design.planar_design import PlanarDesignError, PlanarSpecification, design
+from rabbit_gait_design.walker_guess import double_support, guesses
+from rl_cbf_clf_controller.planar_walker import read_walker
 from rl_cbf_clf_controller.step_paths import StepPath
+from rl_cbf_clf_controller.task_controller import TaskController
 from rl_cbf_clf_controller.virtual_constraints import Angles
+from rl_trainer.task_episode import ride_of
 from scipy.integrate import solve_ivp
+from typer.testing import CliRunner
 
-URDF = with_planar_base((Path(__file__).parents[2] / "examples" / "three_link_walker.urdf").read_text())
+EXAMPLES = Path(__file__).parents[2] / "examples"
+URDF = with_planar_base((EXAMPLES / "three_link_walker.urdf").read_text())
 TORSO_AND_LEGS = np.array([[0.0, 0, 1, 0, 0], [0.0, 0, 2, 1, 1]])  # its pitch, and the sum of the legs' angles
 STANCE_LEG = np.array([0.0, 0, 1, 1, 0])
 LATER = np.array([[0.2, 0.2, 0.2, 0.2], [0.0, -0.1, -0.05, 0.0]])  # control points from the third on
@@ -108,3 +117,34 @@ def test_what_cannot_be_is_refused_by_name(walker):
     guess = StepPath(np.array([[0.15, 0.15, 0.15, 0.15], [0.0, 0.0, -0.1, 0.0]]), 0.0, 0.23)
     with pytest.raises(PlanarDesignError, match="torque by"):
         design(walker, wanted, guess)
+
+
+def test_a_guess_goes_from_one_double_support_to_the_next() -> None:
+    """Of AMBER, by its URDF alone: the feet a step apart on the ground; the legs exchanged; between, a bent knee."""
+    own = read_walker(EXAMPLES / "amber_3m.yaml")
+    amber = Walker(PinocchioModel(own.urdf, feet=own.feet), own.angles, own.order)
+    end = double_support(amber, 0.35)
+    assert amber.model.update(end, np.zeros(7)).swing == pytest.approx([0.35, 0.0], abs=1e-3)
+    assert amber.model.update(end[amber.swap], np.zeros(7)).swing == pytest.approx([-0.35, 0.0], abs=1e-3)
+    paths = list(guesses(amber, 0.35))
+    assert len(paths) == 3
+    for path, flexion in zip(paths, (0.6, 1.0, 0.3), strict=True):
+        assert path.coeffs[:, -1] == pytest.approx(own.angles.controlled @ end)
+        swing_knee = path.coeffs[own.outputs.index("swing_knee")]
+        assert swing_knee.max() - swing_knee[0] == pytest.approx(flexion, abs=1e-3)
+    assert (paths[0].phase_angle_start, paths[0].phase_angle_end) == pytest.approx((-0.203, 0.202), abs=0.01)  # AMBER's
+
+
+@pytest.mark.thorough
+def test_a_walker_without_a_path_gets_one_by_which_it_walks(tmp_path: Path) -> None:
+    (tmp_path / "three_link_walker.urdf").write_text((EXAMPLES / "three_link_walker.urdf").read_text())
+    kept = [line for line in (EXAMPLES / "three_link_walker.yaml").read_text().splitlines() if "[" not in line]
+    (tmp_path / "robot.yaml").write_text(
+        "\n".join(line for line in kept if not line.startswith(("path", "phase_rate")))
+    )
+    done = CliRunner().invoke(
+        app, ["gait", "--task", str(tmp_path / "robot.yaml"), "--step-length", "0.5", "--speed", "1"]
+    )
+    assert done.exit_code == 0, done.output
+    task = load_task(str(tmp_path / "robot_gait.yaml"))
+    assert ride_of(TaskController(replace(task, impacts=20)), "oracle", 1).outcome == "done"

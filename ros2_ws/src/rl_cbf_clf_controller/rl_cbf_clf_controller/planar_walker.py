@@ -13,6 +13,7 @@ but ahead of the stance foot. Source: Grizzle, Abba, Plestan (2001).
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Any, Self
 
 import casadi as ca
@@ -129,10 +130,10 @@ class WalkerFile(BaseModel):
         return self
 
 
-def read_walker(path: Path) -> "PlanarWalker":
-    """What a walker's file and its URDF say; raises `TaskError`."""
+def read_walker(path: Path, beneath: Mapping[str, Any] = MappingProxyType({})) -> "PlanarWalker":
+    """What a walker's file and its URDF say, and `beneath` what the file does not; raises `TaskError`."""
     try:
-        file = WalkerFile.model_validate(read_mapping(path))
+        file = WalkerFile.model_validate({**beneath, **read_mapping(path)})
         urdf = read_text(path.parent / file.urdf, MOST_BYTES)
         return PlanarWalker(path.stem, with_planar_base(urdf), file)
     except ValueError as error:  # also of what reads files, URDFs and models
