@@ -1,57 +1,36 @@
-"""Gait libraries: what lies between two gaits, how a step from one into another begins and ends, bad files."""
+"""Gait libraries: what lies between two gaits, how a step from one into another begins and ends."""
 
 import casadi as ca
 import numpy as np
 import pytest
-from cbf_clf_qp.functions import NumpyFunction, Values, packed
+from cbf_clf_qp.functions import NumpyFunction, packed
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy_steps import Steps
-from rabbit_description import LIBRARIES
-from rabbit_description.gait import Gait, GaitLibrary, load_gaits, shipped
-from rabbit_gait_design import GaitSpecification
-from rabbit_gait_design.library import library_specifications
-from rabbit_gait_design.pinocchio_model import PinocchioModel
-from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_cbf_clf_controller.robot_numbers import read_robot
-from rl_cbf_clf_controller.step_landing import Legs, descent, landing_at
+from rabbit_description.gait import Gait, GaitLibrary, load_gaits
 from rl_cbf_clf_controller.step_paths import GaitExpressions, Shape, StepPath, gait_row
 from rl_cbf_clf_controller.virtual_constraints import gradual_line
 
-NAME = "wide"
-LIBRARY = load_gaits(NAME)
+LIBRARY = load_gaits("wide")
 assert isinstance(LIBRARY, GaitLibrary)
-SHIPPED = [gait for name in shipped(LIBRARIES) for gait in load_gaits(name).gaits]  # type: ignore[union-attr]
 LENGTHS = st.floats(LIBRARY.lengths[0], LIBRARY.lengths[-1])
-SLOPED = load_gaits("slopes")
-assert isinstance(SLOPED, GaitLibrary)
-MODEL, ROBOT, PARAMETERS = PinocchioModel(), read_robot(), ControllerParameters()
 
 
 class Paths:
-    """Paths of a library from a step of `taken` into one of `wanted`, m, on a slope, degrees, to a height, m."""
+    """Paths of a library from a step of `taken` into one of `wanted`, m."""
 
     def __init__(self, library: GaitLibrary) -> None:
-        gaits, legs, self._numbers = GaitExpressions(Shape.of(library)), Legs(), gait_row(library)
-        of = {name: ca.SX.sym(name) for name in ("taken", "wanted", "slope", "height")}
-        path = gaits.path(of["taken"], of["wanted"], of["slope"])
-        path = landing_at(path, of["height"], legs)
-        found = {"coeffs": path.coeffs, "ends": ca.vertcat(path.start, path.end), "descent": descent(path, legs)}
-        found["rate"] = gaits.start_rate(of["taken"], of["slope"])
-        lengths = {"joints": legs.joints, "feet": legs.feet}
-        self._function = NumpyFunction.of("paths", of | {"gaits": packed(gaits.symbols)} | lengths, found)
+        gaits, self._numbers = GaitExpressions(Shape.of(library)), gait_row(library)
+        of = {name: ca.SX.sym(name) for name in ("taken", "wanted")}
+        path = gaits.path(of["taken"], of["wanted"], ca.SX(0))
+        found = {"coeffs": path.coeffs, "ends": ca.vertcat(path.start, path.end)}
+        self._function = NumpyFunction.of("paths", of | {"gaits": packed(gaits.symbols)}, found)
 
-    def found(self, taken: float, wanted: float, slope: float = 0.0, height: float = 0.0) -> Values:
-        numbers = np.array([[taken], [wanted], [slope], [height]])
-        return self._function(*numbers, self._numbers, ROBOT.joints, ROBOT.feet)
-
-    def __call__(self, taken: float, wanted: float, slope: float = 0.0, height: float = 0.0) -> StepPath:
-        found = self.found(taken, wanted, slope, height)
+    def __call__(self, taken: float, wanted: float) -> StepPath:
+        found = self._function(np.array([taken]), np.array([wanted]), self._numbers)
         return StepPath(found.coeffs, *found.ends)
 
 
-PATHS, SLOPED_PATHS = Paths(LIBRARY), Paths(SLOPED)
-STEPS = Steps(LIBRARY, PARAMETERS, ROBOT)
+PATHS = Paths(LIBRARY)
 
 
 @pytest.mark.parametrize("gait", LIBRARY.gaits, ids=lambda gait: gait.name)
@@ -83,15 +62,6 @@ def test_a_step_begins_as_one_gait_and_ends_as_the_other(taken: float, wanted: f
         ends = (np.diff(each.coeffs, order)[:, -1] for each in (path, last))
         np.testing.assert_allclose(*begins, atol=1e-12)
         np.testing.assert_allclose(*ends, atol=1e-12)
-
-
-def test_specifications_follow_the_length() -> None:
-    base = GaitSpecification(name="lib", step_length=0.35, speed=0.8)
-    ((short, middle, long),) = library_specifications(base, [0.2, 0.35, 0.6], speed_slope=0.4)
-    assert [each.speed for each in (short, middle, long)] == pytest.approx([0.74, 0.8, 0.9])
-    assert (middle.step_length, middle.max_foot_height, long.name) == (0.35, base.max_foot_height, "lib_0600")
-    circle = np.hypot(0.3, base.R2) - base.R2
-    assert long.max_foot_height > circle
 
 
 def line_at(x: float) -> tuple[float, ...]:

@@ -6,7 +6,7 @@ import pinocchio as pin
 import pytest
 from rabbit_description.state import Array
 from rabbit_gait_design import symbolic_robot
-from rabbit_gait_design.orbit_point import DEGREE, barrier_conditions, dynamics_residual, path
+from rabbit_gait_design.orbit_point import DEGREE, dynamics_residual, path
 from rabbit_gait_design.zero_dynamics import loaded_model
 
 PLANE = [0, 2]
@@ -73,10 +73,3 @@ def test_weight_alone_holds_a_robot_that_does_not_move() -> None:
     residual = np.array(dynamics_residual()(coeffs, phase_range, 0.5, 0.0, 0.0, torque, weight)).ravel()
     assert gravity[1] == pytest.approx(32 * 9.81)
     assert residual[[0, 1, 3, 4, 5, 6]] == pytest.approx(np.zeros(6), abs=1e-9)
-
-
-def test_barrier_condition_of_a_foot_at_rest_is_the_product_of_poles_and_barrier() -> None:
-    conditions = barrier_conditions(0.35, 0.40, 1.0, 0.4, (50.0, 70.0))
-    rows = np.array(conditions([0.37, 0.0], [0, 0], [0, 0])).ravel()
-    inner = np.hypot(0.37 - 0.175, 0.4) - np.hypot(0.175, 0.4)
-    assert rows == pytest.approx([3500 * 0.03, 3500 * inner])

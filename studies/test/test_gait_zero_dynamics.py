@@ -194,23 +194,3 @@ def test_impact_loses_energy_and_leaves_the_landed_foot_at_rest() -> None:
     feet = model.update(last.q, after)
     landed_foot_rate = feet.swing_rate + after[:2] - feet.hip_rate  # the old stance foot moves now
     assert landed_foot_rate == pytest.approx([0, 0], abs=1e-9)
-
-
-def test_eigenvalue_of_the_scalar_map_is_that_of_the_walk(dynamics: ZeroDynamics) -> None:
-    """At the nominal mass the manifold is invariant under the impact: a step that begins a little faster comes back by
-    delta^2 Phi, in squares of the phase rate."""
-    walk, first = OracleWalk(GAIT, dynamics.model), start_phase_rate(GAIT)
-    rates = []
-    for start in (first, 1.01 * first):
-        taken = walk.step(*dynamics.state(0.0, start))
-        assert taken is not None
-        rates.append(walk.phase_rate(taken.q, taken.dq))
-    eigenvalue = (rates[1] ** 2 - rates[0] ** 2) / (first**2 * (1.01**2 - 1))
-    assert eigenvalue == pytest.approx(Orbit(GAIT).figures().eigenvalue, rel=0.02)
-    assert eigenvalue < 1
-
-
-@pytest.mark.parametrize("payload", [-1.0, np.nan, np.inf])
-def test_payload_is_checked(payload: float) -> None:
-    with pytest.raises(ValueError, match="payload"):
-        loaded_model(payload)

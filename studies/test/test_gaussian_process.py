@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from rabbit_rivals.gaussian_process import Kernel, Posterior, kernel_of, negative_log_likelihood, spread, with_one
+from rabbit_rivals.gaussian_process import Kernel, Posterior, kernel_of, negative_log_likelihood, spread
 
 N, D, M = 40, 3, 2
 
@@ -47,14 +47,6 @@ def test_a_few_inducing_transitions_still_know_all_and_far_away_the_prior_holds(
     assert covariance == pytest.approx(np.diag(kernel.signal**2))
 
 
-def test_the_kernel_is_that_of_independent_parts() -> None:
-    kernel, x, w, _ = data()
-    parts = kernel.components(x, x)
-    sampled = sum(np.outer(v, v) * part for v, part in zip(with_one(w).T, parts, strict=True))
-    assert kernel(x, w, x, w) == pytest.approx(sampled)
-    assert np.diag(kernel(x, w, x, w)) == pytest.approx(kernel.variance(w))
-
-
 def test_the_gradient_of_the_likelihood_is_its_slope() -> None:
     _, x, w, z = data()
     at = np.log([1.0, 0.8, 0.5, 1.0, 2.0, 1.5, 0.2])
@@ -63,11 +55,3 @@ def test_the_gradient_of_the_likelihood_is_its_slope() -> None:
         above, below = (negative_log_likelihood(at + sign * step, x, w, z)[0] for sign in (1, -1))
         assert gradient[i] == pytest.approx((above - below) / 2e-5, rel=1e-4, abs=1e-4)
     assert kernel_of(at, M).noise == pytest.approx(0.2)
-
-
-def test_the_inducing_transitions_are_those_that_are_not_known_yet() -> None:
-    kernel, x, w, _ = data()
-    twice, inputs = np.concatenate([x, x]), np.concatenate([w, w])
-    chosen = spread(kernel, twice, inputs, 2 * N)
-    assert len(set(chosen % N)) == len(chosen) <= N
-    assert chosen[0] % N == np.argmax(kernel.variance(w))

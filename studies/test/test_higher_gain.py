@@ -1,8 +1,6 @@
 """What learning buys beyond a higher gain: a fair comparison, and a page that says which claims fall."""
 
-from rabbit_reproduce.catalogue import EXPERIMENTS
 from rabbit_reproduce.catalogue.higher_gain import ENGINES, WHO, HigherGain
-from rabbit_reproduce.experiment import Experiment
 from rabbit_reproduce.table_lines import FULL
 
 
@@ -15,11 +13,3 @@ def test_at_each_point_every_controller_walks_the_same_courses_in_both_engines()
             assert scenarios[0].runs >= 20
             assert scenarios[0].assembly.simulation.plant == engine.plant
             assert getattr(scenarios[0].assembly.simulation, field) == value
-
-
-def test_its_courses_are_nobody_else_s() -> None:
-    def seeds(experiment: Experiment) -> set[int]:
-        return {job.seed for job in experiment.jobs(FULL)}
-
-    others = set[int]().union(*(seeds(each) for each in EXPERIMENTS if each.name != "higher-gain"))
-    assert not seeds(HigherGain()) & others

@@ -8,12 +8,8 @@ from rabbit_description.gait import load_gaits
 from rabbit_description.state import SWAP_TORQUE, Leg
 from rabbit_rivals.joint_targets import (
     ACTIONS,
-    BOUND,
-    FEATURES,
-    FRAMES,
     KD,
     KP,
-    REACH,
     JointTargetController,
     Memory,
     NetworkAbout,
@@ -30,7 +26,6 @@ from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Simulation
 from rl_cbf_clf_controller.batch_controller import BatchController
 from rl_cbf_clf_controller.controller import Controller
-from rl_cbf_clf_controller.residual_policy import of_one
 
 GAITS = load_gaits("paper_stones")
 
@@ -59,14 +54,6 @@ def test_without_an_action_it_is_pd_on_the_outputs() -> None:
         assert output.torque == pytest.approx(wanted if output.stance is Leg.LEFT else wanted[SWAP_TORQUE])
         state = simulation.step(output.torque)
     assert legs == {Leg.LEFT, Leg.RIGHT}
-
-
-def test_an_action_moves_the_targets_and_is_cut() -> None:
-    scene = SimpleNamespace(seen=SimpleNamespace(eta=np.full((1, 8), 0.01)))
-    action, nothing = np.array([[1.0, -0.5, 0.25, 0.0]]), np.zeros((1, 4))
-    moved = command(Memory.of(1), scene, action) - command(Memory.of(1), scene, nothing)
-    assert moved == pytest.approx(KP * REACH * action)
-    assert (command(Memory.of(1), scene, 3 * action)[0, 0]) == command(Memory.of(1), scene, action)[0, 0]
 
 
 def test_an_action_gives_the_torque_it_was_found_for_or_the_nearest() -> None:
@@ -113,28 +100,3 @@ def test_n_robots_walk_as_each_walks_alone_to_the_bit(terrain: str) -> None:
         assert np.array_equal(torque, [torques[tick] for torques in alone])
         states = batch.step(torque)
     assert legs == {Leg.LEFT, Leg.RIGHT}
-
-
-def test_the_history_is_of_this_episode_the_newest_last() -> None:
-    own = controller("stones", some_network())
-    simulation = Simulation(SimulationParameters(plant="rigid"), GAITS)
-    state, memory, frames = simulation.reset(1), Memory.of(1), []
-    own.reset(1)
-    for tick in range(FRAMES + 2):
-        own.see(state)
-        read = observe(memory, of_one(own.scene)).reshape(FRAMES, FEATURES)
-        frames.append(read[-1])
-        expected = [frames[max(0, tick - FRAMES + 1 + i)] for i in range(FRAMES)]
-        assert np.array_equal(read, expected)
-        said = np.full((1, ACTIONS), 0.1 * (tick % 3))
-        command(memory, of_one(own.scene), said)
-        if tick:
-            assert read[-1, -ACTIONS:] == pytest.approx(0.1 * ((tick - 1) % 3))
-        state = simulation.step(own.step(state).torque)
-    assert np.abs(frames).max() <= BOUND
-    assert len({frame.tobytes() for frame in frames}) == len(frames)
-
-    own.reset(1)
-    own.see(simulation.reset(1))
-    again = observe(memory, of_one(own.scene)).reshape(FRAMES, FEATURES)
-    assert np.array_equal(again, [frames[0]] * FRAMES)

@@ -39,14 +39,6 @@ def test_beta_off_by_half_its_deviation_has_three_quarters_explained() -> None:
     assert all(each["error"] == pytest.approx(0.5) for each in found.values())
 
 
-def test_the_unit_of_V_is_that_of_its_tick() -> None:
-    LgV = np.outer([0.0, 9, 0, 9, 0, 9, 0, 9], [1.0, 0, 0, 0])  # |LgV| + 1 = 1 or 10
-    guess = [Estimates(np.full((5, 4), 1 + LgV[t, 0]), true.beta) for t, true in enumerate(truth())]
-    found = errors(STONES, guess, truth(), MU, LgV)
-    assert found["V"]["alpha_rms"] == pytest.approx(1)
-    assert found["B1"]["alpha_rms"] == pytest.approx(np.sqrt((1 + 100) / 2))
-
-
 def assembly(controller: str, policy: str, **plant: object) -> Assembly:
     """Two steps with a robot of twice the mass."""
     parameters = load_parameters("ours", controller=controller)

@@ -5,25 +5,14 @@ from pathlib import Path
 import pytest
 from rabbit_description.gait import load_gaits
 from rabbit_experiments.training_setup import training
-from rabbit_reproduce.catalogue.learning_curves import first_whole, sessions, settled
-from rabbit_reproduce.table_lines import FULL
-from rabbit_reproduce.training import SHIPPED, Episode, TrainingJob, read_log, recipes, retrain, training_job
-from rl_cbf_clf_controller.uncertainty import PAPER, RL_CLF_QP
+from rabbit_reproduce.training import SHIPPED, TrainingJob, read_log, recipes, retrain, training_job
+from rl_cbf_clf_controller.uncertainty import RL_CLF_QP
 from rl_cbf_clf_controller.weights import policy_path, read
 from rl_trainer.checkpoint import CheckpointError
 from rl_trainer.parameters import TrainingParameters
 
 PARAMETERS = TrainingParameters(problem=RL_CLF_QP, seed=4, episodes=1)
 ONE = training_job(PARAMETERS)  # nominal, so that nothing is learned yet
-
-
-def session(*steps: int) -> tuple[Episode, ...]:
-    """Episodes that came so far."""
-    about = {"problem": "rl-clf-qp", "mass_scale": 2, "seed": 1, "commit": "", "sigma": 0, "reward": -1.0}
-    return tuple(
-        Episode.model_validate(about | {"episode": i + 1, "steps": n, "ticks": 9, "kept": 5, "transitions": 5 * i + 5})
-        for i, n in enumerate(steps)
-    )
 
 
 def test_a_training_is_made_once_and_logged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -72,21 +61,3 @@ def test_what_is_shipped_is_trained_anew(quick: bool) -> None:
             *(recipe.parameters.problem.name, recipe.parameters.seed, recipe.plant.mass_scale),
             recipe.parameters.episodes,
         )
-
-
-def test_the_committed_log_is_whole() -> None:
-    rows = read_log()
-    assert {row.problem for row in rows} == {problem.name for problem in PAPER}
-    for each in sessions(FULL):
-        assert [row.episode for row in each] == list(range(1, len(each) + 1))
-        kept = [row.kept for row in each]
-        assert [row.transitions for row in each] == [sum(kept[: i + 1]) for i in range(len(kept))]
-        assert all(row.kept <= row.ticks and row.reward <= 0 for row in each)
-
-
-@pytest.mark.parametrize(
-    ("steps", "first", "last"),
-    [((1, 10, 10), 2, 2), ((10, 3, 10), 1, 3), ((10, 10), 1, 1), ((10, 9), 1, None), ((0, 0), None, None)],
-)
-def test_episodes_needed(steps: tuple[int, ...], first: int | None, last: int | None) -> None:
-    assert (first_whole(session(*steps)), settled(session(*steps))) == (first, last)

@@ -1,18 +1,11 @@
 """The model of the speed from step to step: the fit finds known coefficients, and walks explore."""
 
-from types import SimpleNamespace
-from typing import Any
-
 import numpy as np
-import numpy_steps
 import pytest
-from rabbit_description.gait import load_gaits
 from rabbit_experiments.assembly import AssemblyError
-from rabbit_gait_design.speed_model.fit import errors, fitted, rows, without_mean
-from rabbit_gait_design.speed_model.walks import CHANGE, Explorer, Steps, exploring_walks
+from rabbit_gait_design.speed_model.fit import errors, fitted, without_mean
+from rabbit_gait_design.speed_model.walks import Steps, exploring_walks
 from rl_cbf_clf_controller.parameters import load_parameters
-from rl_cbf_clf_controller.robot_numbers import read_robot
-from rl_cbf_clf_controller.speed_regulation import MOST
 
 TRUTH = np.array([0.6, -0.05, 0.15, -0.03])
 
@@ -56,33 +49,6 @@ def test_errors_of_the_speeds_do_not_bias_what_is_found() -> None:
     x, y, _ = (np.concatenate(each) for each in zip(*without_mean(plants), strict=True))
     assert np.linalg.lstsq(x, y, rcond=None)[0][0] < 0.5
     np.testing.assert_allclose(fitted(plants).coefficients, TRUTH, atol=0.03)
-
-
-def test_a_walk_s_last_step_and_the_first_ones_are_left_out() -> None:
-    walk = Steps(slopes=[1, 2, 3, 4, 5, 6, 7, 8], speeds=[10, 20, 30, 40, 50, 60, 70, 80])
-    x, y, z = rows([walk])
-    np.testing.assert_array_equal(x, [[50, 6, 5, 4], [60, 7, 6, 5]])
-    np.testing.assert_array_equal(y, [60, 70])
-    np.testing.assert_array_equal(z, [[6, 5, 4, 3, 2], [7, 6, 5, 4, 3]])
-
-
-def test_slopes_that_explore_stay_within_the_library_and_are_seen() -> None:
-    gaits = load_gaits("slopes")
-    steps, (q, dq), slopes = numpy_steps.Steps(gaits, load_parameters("best"), read_robot()), gaits.x_start, [0.0]
-    controller: Any = SimpleNamespace(settings=SimpleNamespace(slope_change=np.zeros(1)))
-    explorer = Explorer(controller, np.random.default_rng(1))
-    for index, haste in enumerate(np.random.default_rng(2).uniform(0.7, 1.3, 200), 1):
-        steps.slope_change = float(controller.settings.slope_change[0])
-        steps.begin(np.concatenate([q, haste * dq]), 0.45)
-        controller.steps = SimpleNamespace(slopes=steps.kept("slopes"), speed=steps.kept("speed"))
-        explorer(SimpleNamespace(output=SimpleNamespace(step_index=index)))
-        slopes.append(steps.slope)
-    assert np.abs(slopes).max() <= gaits.slopes[-1]
-    changes = np.diff(slopes)
-    assert np.abs(changes).max() <= MOST + CHANGE + 1e-12
-    assert np.std(changes) > CHANGE / np.sqrt(3)
-    assert explorer.seen.slopes == slopes[:-1]
-    assert explorer.seen.speeds == [steps.kept("speed")[0]] * 200, "each step is as long and takes as long"
 
 
 def test_a_walk_explores_and_a_gait_without_slopes_is_refused() -> None:

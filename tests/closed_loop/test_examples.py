@@ -5,10 +5,8 @@ import re
 import sys
 from pathlib import Path
 
-import casadi as ca
 import numpy as np
 import pytest
-from cbf_clf_qp.functions import NumpyFunction
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -46,20 +44,6 @@ def test_cruise_control_keeps_the_limit_with_a_perfect_estimate(scale):
 def test_cruise_control_of_a_lighter_car_breaks_the_limit_without_it():
     cruise = load("cruise_control")
     assert max(cruise.drive(0.5, perfect=False)) > cruise.V_LIMIT + 0.05
-
-
-def test_own_robots_energy_changes_by_the_motors_power():
-    """Along the motion, H = momentum' dq - (kinetic - potential energy) changes by u' dq."""
-    arm = load("own_robot")
-    total = ca.dot(arm.momentum, arm.dq) - arm.energy
-    inputs = {"x": arm.arm.x, "u": arm.u, "p": arm.arm.p}
-    motion = NumpyFunction.of("motion", inputs, {"x_dot": arm.arm.x_dot, "energy": total})
-    rng, h, mass = np.random.default_rng(0), 1e-6, np.array([arm.TRUE])
-    for _ in range(5):
-        x, u = rng.normal(size=4), rng.normal(size=2)
-        x_dot = motion(x, u, mass).x_dot
-        ahead, behind = (motion(x + t * x_dot, u, mass).energy for t in (h, -h))
-        assert (ahead - behind) / (2 * h) == pytest.approx(u @ x[2:], abs=1e-6)
 
 
 def test_notebook_goes_from_a_policy_to_the_figures(tmp_path, monkeypatch, capsys):

@@ -26,14 +26,6 @@ def test_best_walks_where_gaits_for_level_ground_fall(plant: dict[str, float]) -
     assert not walk(stones(WITHOUT_SLOPES, **plant), 0, SEED).row.success
 
 
-@pytest.mark.parametrize("plant", [{}, {"slope": -4.0}, {"coulomb": 10.0}], ids=str)
-def test_both_walk_where_little_energy_is_missing(plant: dict[str, float]) -> None:
-    """`best` all of five courses, without the gaits for slopes at least four."""
-    for controller, least in ((BEST, 5), (WITHOUT_SLOPES, 4)):
-        walked = sum(walk(stones(controller, **plant), 0, SEED + run).row.success for run in range(5))
-        assert walked >= least
-
-
 def test_late_torques_need_the_prediction() -> None:
     """With it at least 8 of 10 courses are walked; without it at most half, if the robot found is always believed."""
     believing = load_parameters("best", prediction=False, doubt_eps=0.0)

@@ -54,25 +54,6 @@ def test_nodes_start_in_any_order(world: Any, order: tuple[str, ...]) -> None:
     world.wait(lambda: len(transitions) == episodes[-1].tick)
 
 
-def test_two_graphs_do_not_meet(make_world: Callable[[str], Any]) -> None:
-    worlds = [make_world(name) for name in ("alone", "left", "right")]
-    heard = [(world.hear("torque"), world.hear("episode")) for world in worlds]
-    for world, seed in zip(worlds, (5, 5, 6), strict=True):
-        world.start("controller")
-        world.start("simulator", seed=seed, **SHORT)
-    for world, (_, episodes) in zip(worlds, heard, strict=True):
-        world.go()
-        if world is worlds[0]:
-            world.wait(ended(episodes))
-    for world, (_, episodes) in zip(worlds[1:], heard[1:], strict=True):
-        world.wait(ended(episodes))
-    alone, left, right = (
-        torques(world, commands, episodes[-1]) for world, (commands, episodes) in zip(worlds, heard, strict=True)
-    )
-    np.testing.assert_array_equal(left, alone)
-    assert left.shape != right.shape or (left != right).any()
-
-
 def test_pause_holds_between_two_ticks_and_changes_nothing(world: Any) -> None:
     states, commands, episodes = world.hear("state"), world.hear("torque"), world.hear("episode")
     world.start("simulator", episodes=0, pace=2.0, **SHORT)

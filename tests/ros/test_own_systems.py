@@ -16,10 +16,8 @@ from nav_msgs.msg import Odometry
 from own_systems import ControlTask
 from rabbit_command import rabbit
 from rabbit_common.ros.qos import EVENT, TICK
-from rabbit_common.task_messages import measured_fields, parameter_fields
 from rabbit_description.task_simulation import TaskSimulation
 from rabbit_description.task_source import load_task
-from rabbit_description.task_state import layout_of, task_state
 from rabbit_msgs import msg
 from rclpy.qos import qos_profile_sensor_data
 from rl_cbf_clf_controller.task_controller import NOMINAL, TaskController
@@ -127,57 +125,6 @@ def test_a_policy_is_swapped_between_two_ticks(world: Any) -> None:
     assert [each.policy_version == fit.version for each in rest] == [each.tick >= swap.tick for each in rest]
 
 
-def test_what_is_wrong_is_refused_and_counted(world: Any) -> None:
-    task = load_task(path_of("obstacle_arm"))
-    torques, said = hear(world, msg.TorqueCommand, "torque"), world.hear("diagnostics")
-    start(world, "controller", task=path_of("obstacle_arm"))
-    kinds = {"episode": msg.Episode, "state": msg.RobotState, "parameters": msg.TaskParameters}
-    say = {
-        name: world.node.create_publisher(kind, name, EVENT if name == "episode" else TICK)
-        for name, kind in kinds.items()
-    }
-    world.wait(lambda: all(each.get_subscription_count() for each in say.values()))
-    world.spin(0.5)
-    x, commands, _ = task.beginning(SEED)
-    turn = {"episode": 1, "tick": 0}
-    state = msg.RobotState(**turn, **measured_fields(task_state(task, x, np.zeros(0), np.zeros(2))))
-    parameters = msg.TaskParameters(**turn, **parameter_fields(task, task.parameters_at({}, commands(0.0, 0))))
-    say["episode"].publish(msg.Episode(episode=1, joints=["left_hip"]))
-    applied = [0.0] * 2
-    say["state"].publish(msg.RobotState(**turn, running=True, q=[0.0] * 7, dq=[0.0] * 7, applied=applied))
-    say["state"].publish(msg.RobotState(**turn, running=True, q=[0.0, np.nan], dq=[0.0] * 2, applied=applied))
-    say["parameters"].publish(msg.TaskParameters(**turn, names=["goal_x"], values=[0.0]))
-
-    def counts() -> dict[str, str]:
-        values = [v for m in said for s in m.status if s.name.endswith("/controller") for v in s.values]
-        return {v.key: v.value for v in values if v.key.startswith("refused")}
-
-    refused = ("episode: another robot", "state: wrong length", "state: not finite", "parameters: other names")
-    world.wait(lambda: counts() == {f"refused {name}": "1" for name in refused})
-    assert not torques
-    for name, message in (("state", state), ("parameters", parameters)):
-        say[name].publish(message)
-        world.spin(0.3)
-        assert not torques
-    say["episode"].publish(msg.Episode(episode=1, sigma=np.nan, **layout_of(task).names, tick_seconds=task.seconds))
-    world.wait(lambda: bool(torques))
-    first = TaskController(task).step(TaskSimulation(task).reset(SEED))
-    assert list(torques[0].torque) == first.torque.tolist()
-
-
-def test_a_simulator_with_another_tick_is_refused_in_one_line_that_names_both(world: Any) -> None:
-    path = world.folder / "slow.py"
-    path.write_text((EXAMPLES / "segway.py").read_text().replace("duration=8.0", "duration=8.0, seconds=0.02"))
-    start(world, "controller", task=str(path))
-    hear(world, msg.TaskParameters, "parameters")
-    hear(world, msg.RobotState, "state")
-    start(world, "simulator", task=path_of("segway"), readers=2)
-    end = ended(world)
-    said = "tick_seconds = 0.01 of the simulator; this controller has 0.02"
-    assert (end.outcome, end.tick, end.reason) == ("fault", 0, said)
-    assert (world.folder / "log" / "controller.log").read_text().count(said) == 1
-
-
 @pytest.fixture
 def arm(world: Any) -> Iterator["subprocess.Popen[str]"]:
     """The teleoperated arm, in a process of its own."""
@@ -275,18 +222,6 @@ def test_the_graph_learns_what_is_learned_in_process(world: Any, name: str) -> N
     assert learned.metadata.model_copy(update={"command": ""}) == expected.file.metadata
     for array, values in expected.file.arrays.items():
         np.testing.assert_array_equal(learned.arrays[array], values)
-
-
-def test_a_trainer_that_comes_in_mid_episode_learns_and_the_graph_goes_on(world: Any) -> None:
-    task, folder = str(EXAMPLES / "segway.py"), world.folder / "learned"
-    episodes = hear(world, msg.Episode, "episode", EVENT)
-    start(world, "controller", task=task)
-    start(world, "simulator", task=task)
-    world.wait(lambda: any((each.episode, each.phase) == (2, msg.Episode.RUNNING) for each in episodes))
-    start(world, "trainer", task=task, folder=str(folder))
-    world.wait((folder / "policies" / "001.safetensors").exists)
-    then = episodes[-1].episode + 2
-    world.wait(lambda: any((e.phase, e.episode, e.outcome) == (msg.Episode.ENDED, then, "done") for e in episodes))
 
 
 def test_a_trainer_and_a_simulator_that_are_started_again_go_on(world: Any) -> None:

@@ -117,14 +117,6 @@ def test_a_viewer_that_may_control_calls_three_services_more(root_world: Any) ->
         assert settled(root_world, node, rights) == rights, node
 
 
-def test_the_operator_may_ask_only_for_what_there_is() -> None:
-    policy = enclaves()
-    ((_, operator),) = policy.pop("/rabbit/operator").items()
-    others = [rights for nodes in policy.values() for rights in nodes.values()]
-    assert operator["request"] <= set().union(*(rights["reply"] for rights in others))
-    assert operator["subscribe"] == set().union(*(rights["publish"] for rights in others))
-
-
 def test_a_walk_puts_each_process_into_its_enclave(tmp_path: Path) -> None:
     plant, parameters = SimulationParameters(sensors="lab"), ControllerParameters()
     walk = WalkSettings(

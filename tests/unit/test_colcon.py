@@ -44,22 +44,6 @@ def test_a_copy_of_the_sources_walks_with_all_nodes(walking: Path) -> None:
     assert len(list(walking.glob("walk/log/*.log"))) == 6
 
 
-@pytest.mark.timeout(1800)
-def test_each_executable_of_the_copy_starts(walking: Path) -> None:
-    """As far as its parameters, of which it is given one that it does not have: it ends with that word."""
-    found = [path for path in walking.glob("install/*/lib/*/*") if path.parts[-4] == path.parts[-2]]
-    assert {path.parent.name for path in found} >= {
-        "rabbit_sim",
-        "rl_trainer",
-        "rabbit_viewer",
-        "rl_cbf_clf_controller",
-    }
-    script = "\n".join(f"{path} --ros-args -p no_such:=1 2>&1 | tail -1" for path in found)
-    said = in_shell(f"source install/setup.bash; {script}", walking).stdout.splitlines()
-    wrong = {str(path): line for path, line in zip(found, said, strict=True) if "no parameter of this name" not in line}
-    assert not wrong
-
-
 @pytest.mark.timeout(900)
 def test_colcon_test_runs_a_packages_tests(walking: Path) -> None:
     colcon = f"python {shutil.which('colcon')}"

@@ -124,11 +124,6 @@ def test_the_motion_is_linear_in_the_links():
         assert found == pytest.approx(expected, abs=1e-9)
 
 
-def test_a_payload_is_a_mass_on_the_torso_alone():
-    change = numbers(payload=30.0).theta - numbers().theta
-    assert change == pytest.approx([30.0, 0, 30.0 * 0.24, 30.0 * 0.24**2] + 8 * [0.0])
-
-
 @pytest.mark.parametrize("plant", PLANTS)
 def test_a_robot_is_found_from_its_motion(plant, accelerations):
     identification = Identification(numbers())
@@ -156,17 +151,6 @@ def accelerations() -> NumpyFunction:
     return NumpyFunction.of("accelerations", {**inputs, "u": own.u}, found)
 
 
-def test_the_nominal_robot_is_left_as_it_is():
-    identification = Identification(numbers())
-    start = identification.known.value.copy()
-    assert start == pytest.approx(np.concatenate([numbers().theta, [0.0, 1.0, 0.0]]))
-    true = robot()
-    for _ in range(3):
-        walk_about(true, identification, 1)  # each alone: the torque before is 0, as it was
-        identification.known.share[:] = 1
-    assert identification.known.value[THETA][::4] == pytest.approx(start[THETA][::4], rel=0.02)
-
-
 def updating(n: int, m: int) -> NumpyFunction:
     """`updated` of n numbers from m measurements, for numpy."""
     shapes = {"value": (n, 1), "covariance": (n, n), "walk": (n, n), "H": (m, n), "z": (m, 1), "noise": (m, m)}
@@ -189,14 +173,6 @@ def test_least_squares_solve_the_normal_equations():
         information = information + H.T @ np.linalg.solve(noise, H)
         known = known + H.T @ np.linalg.solve(noise, z)
     assert value == pytest.approx(np.linalg.solve(information, known))
-
-
-def test_least_squares_keep_what_is_not_measured():
-    value, covariance, still, step = np.array([1.0, 2.0]), np.eye(2), np.zeros((2, 2)), updating(2, 1)
-    for _ in range(5):
-        found = step(value, covariance, still, np.array([[1.0, 0.0]]), np.array([3.0]), 1e-9 * np.eye(1))
-        value, covariance = found.value, found.covariance
-    assert value == pytest.approx([3.0, 2.0])
 
 
 @pytest.mark.parametrize("wrong", [np.nan, np.inf])

@@ -18,7 +18,6 @@ PAGES = sorted(
     ).stdout.split()
     if (ROOT / name).is_file()
 )
-CONTENTS = (ROOT / "docs" / "site" / "contents.md").read_text(encoding="utf-8")
 FENCE = re.compile(r"^( *)(```+|:::+)(.*?)\n(.*?)^\1\2 *$", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"\]\(([^)\s]+)\)")
 
@@ -61,17 +60,6 @@ def test_programs_that_a_page_shows_are_what_runs() -> None:
         outer = [line.removeprefix("    ") for line in program.splitlines()]  # of a class, its methods
         assert block in program or block.rstrip() in "\n".join(outer), f"{name_of(path)}: {file} has another text"
         assert "literalinclude" not in path.read_text(encoding="utf-8"), "shown on the site alone"
-
-
-def test_the_contents_name_each_page_of_the_site_once() -> None:
-    text = (ROOT / "docs" / "conf.py").read_text(encoding="utf-8")
-    taken, left = (
-        [path for each in re.findall(r'"(.+?)"', block) for path in ROOT.glob(each.replace("**", "**/*.md"))]
-        for block in re.findall(r"^(?:in|ex)clude_patterns = \[$(.*?)^\]$", text, re.MULTILINE | re.DOTALL)
-    )
-    pages = {path for path in taken if path in PAGES and not {path, *path.parents} & set(left)}
-    listed = re.findall(r"^(?!:|```)(\S+)$", CONTENTS, re.MULTILINE)
-    assert sorted(["README", *listed]) == sorted(name_of(path).removesuffix(".md") for path in pages)
 
 
 def command_lines() -> list[str]:

@@ -11,15 +11,9 @@ from rl_cbf_clf_controller.batch_controller import BatchController
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.fitted_policy import fitted
 from rl_cbf_clf_controller.parameters import ControllerParameters, load_parameters
-from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_cbf_clf_controller.residual_policy import READS, SCALE, ResidualActor, ResidualPolicy
 from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP
-from rl_cbf_clf_controller.weights import (
-    RESIDUAL_READS,
-    PolicyFile,
-    PolicyFileError,
-    decode,
-)
+from rl_cbf_clf_controller.weights import RESIDUAL_READS, PolicyFile, PolicyFileError, decode
 from untrained_policy import policy_file, policy_metadata
 
 HIDDEN = 8
@@ -92,20 +86,6 @@ def test_no_row_of_the_programme_moves() -> None:
         estimates.append(controller.estimates)
     assert np.array_equal(estimates[0].alpha, estimates[1].alpha)
     assert np.array_equal(estimates[0].beta, estimates[1].beta)
-
-
-def test_saying_nothing_is_the_controller_without_it() -> None:
-    own, gait = parameters(), load_gaits("slopes")
-    torques = []
-    for policy in (ZeroPolicy(own.problem), Constant(np.zeros(4))):
-        simulation, controller = make_simulation(plant(mass_scale=1.5), gait), Controller(own, gait, policy)
-        controller.reset(1)
-        state = simulation.reset(4)
-        for _ in range(60):
-            torque = controller.step(state).torque
-            torques.append(torque)
-            state = simulation.step(torque)
-    assert np.array_equal(torques[:60], torques[60:])
 
 
 @pytest.mark.parametrize("terrain", ["stones", "flat"])

@@ -174,21 +174,6 @@ def test_without_a_compiler_there_is_one_line_and_the_virtual_machine(what: str,
     assert not cache.exists() or not list(cache.iterdir())
 
 
-def test_threads_call_one_library_at_once() -> None:
-    """DAQP has memory, which none may share."""
-    rows = inputs(with_daqp(), 200)
-
-    def called(function: NumpyFunction) -> list[Any]:
-        return [function(*each).row for _ in range(20) for each in zip(*rows, strict=True)]
-
-    functions = [with_daqp() for _ in range(4)]
-    for function in functions:
-        function.compile(wait=True)
-    with ThreadPoolExecutor(4) as pool:
-        found = list(pool.map(called, functions))
-    assert all(same(each, called(with_daqp())) for each in found)
-
-
 def test_a_forked_process_compiles_its_own(cache: Path) -> None:
     function = smooth()
     function.compile()  # begun

@@ -22,12 +22,6 @@ def test_errors_add_up() -> None:
         assert value == pytest.approx(getattr(first, name))
 
 
-def test_zeros_are_ones_own() -> None:
-    """What one changes is not another's."""
-    Estimates.zero(N, M).alpha[0, 0] = 1
-    assert not any(value.any() for value in vars(Estimates.zero(N, M)).values())
-
-
 def test_shapes_fit_together() -> None:
     with pytest.raises(ValueError, match=r"alpha \(4, 5\), beta \(5,\)"):
         Estimates(np.zeros((4, 5)), np.zeros(5))

@@ -1,14 +1,9 @@
 """Functions for numpy: what is left out, names; building in several threads."""
 
-from concurrent.futures import ThreadPoolExecutor
-
 import casadi as ca
 import numpy as np
 import pytest
 from cbf_clf_qp import NumpyFunction
-from cbf_clf_qp.functions import one_at_a_time
-
-THREADS = 4
 
 
 def test_inputs_left_out_are_zero() -> None:
@@ -26,18 +21,3 @@ def test_inputs_left_out_are_zero() -> None:
         function(given, matrix, given)
     with pytest.raises(AttributeError, match="no value difference: expected one of sum, b"):
         _ = first.difference
-
-
-def test_ticks_may_be_built_in_several_threads() -> None:
-    """Functions of CasADi, which is not made for it."""
-
-    def build(number: int) -> float:
-        return float(squared(number)(np.array([3.0])).y[0])
-
-    @one_at_a_time
-    def squared(number: int) -> NumpyFunction:
-        x = ca.SX.sym("x")
-        return NumpyFunction.of("f", {"x": x}, {"y": x**2 + number})
-
-    with ThreadPoolExecutor(THREADS) as pool:
-        assert list(pool.map(build, range(200))) == [9.0 + i for i in range(200)]

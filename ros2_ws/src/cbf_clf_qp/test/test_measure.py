@@ -73,17 +73,6 @@ def test_a_sensor_is_read_as_the_tick_ends(chain: System) -> None:
     assert measured == pytest.approx([8])
 
 
-def test_the_error_of_the_same_model_is_zero(make_plant: Any) -> None:
-    plant, rng = make_plant("segway"), np.random.default_rng(2)
-    v, theta = plant.symbols["v"], plant.symbols["theta"]
-    terms = Terms(plant.system, [Clf(theta), Barrier("slow", 3 - v, (4,))])
-    error, p = model_error(terms), np.array([60.0])
-    for x in rng.normal(size=(10, 3)):
-        found = error(x, p, p)
-        for value in (found.alpha, found.beta, found.output_error):
-            assert value == pytest.approx(0, abs=1e-9)
-
-
 def test_the_error_of_another_model_turns_one_into_the_other(make_plant: Any) -> None:
     """Nominal value + alpha mu + beta is the value by the other model, at u = control(mu) of the nominal one."""
     plant, rng = make_plant("segway"), np.random.default_rng(3)

@@ -30,13 +30,3 @@ def test_nearest_gives_the_wanted_input(solver: str) -> None:
     for _ in range(20):
         matrix, offset, goal = rng.normal(size=(M, M)) + 3 * np.eye(M), rng.normal(size=M), rng.normal(size=M)
         assert matrix @ find(matrix, offset, goal) + offset == pytest.approx(goal, abs=1e-8)
-
-
-def test_weights_say_which_component_gives_way() -> None:
-    """min |w (mu - wanted)|^2 with mu_1 + mu_2 <= 0: the step back is in proportion to 1 / w^2."""
-    goal, wanted = np.array([1.0, 1.0, 0.0]), ca.SX.sym("wanted", M)
-    objective = nearest(Affine.identity(M), wanted, ca.SX([1, 2, 1]))
-    row = at_most(("sum",), ca.SX([[1, 1, 0]]), ca.SX(0), float("inf"))
-    layout, data = build_qp([row], objective, Affine.identity(M))
-    step = goal - Answering({"wanted": wanted}, data, layout, "daqp")(goal).mu
-    assert step == pytest.approx([1.6, 0.4, 0])

@@ -56,14 +56,6 @@ def test_a_wall_that_moves_is_in_both_derivatives(make_plant: Any) -> None:
         assert plant.number(ddB_squared, *at, **parameters) == pytest.approx(expected)
 
 
-def test_a_rate_may_have_a_rate(make_plant: Any) -> None:
-    """A wall that accelerates: B-ddot = push - u."""
-    x, v, u, wall, speed, push = (ca.SX.sym(name) for name in ("x", "v", "u", "wall", "speed", "push"))
-    cart = System(ca.vertcat(x, v), u, ca.vertcat(v, u), [wall, speed, push], rates={"wall": speed, "speed": push})
-    *_, ddB = cart.derivatives("wall", wall - x, 2)
-    assert ca.is_equal(ca.simplify(ddB), push - u, 3)
-
-
 @pytest.fixture
 def chain() -> System:
     """x''' = u."""

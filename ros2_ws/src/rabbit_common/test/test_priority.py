@@ -4,14 +4,7 @@ import subprocess
 import sys
 
 import pytest
-from rabbit_common.priority import (
-    BENEATH,
-    NICE,
-    leave_priority,
-    scheduling,
-    take_listeners_priority,
-    take_priority,
-)
+from rabbit_common.priority import BENEATH, NICE, leave_priority, scheduling, take_listeners_priority, take_priority
 
 
 def test_priority_is_taken_where_permitted() -> None:

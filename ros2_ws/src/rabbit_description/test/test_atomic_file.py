@@ -33,17 +33,6 @@ def test_an_error_leaves_the_file_as_it_was(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [file]
 
 
-def test_two_writers_at_once_both_end_whole(tmp_path: Path) -> None:
-    file = tmp_path / "file"
-    with replacing(file) as first:
-        first.write_text("first")
-        with replacing(file) as second:
-            second.write_text("second")
-        assert file.read_text() == "second"
-    assert file.read_text() == "first"
-    assert list(tmp_path.iterdir()) == [file]
-
-
 def test_what_a_killed_writer_leaves_is_removed_and_nothing_else(tmp_path: Path) -> None:
     """Not what another writer is at, and nothing foreign."""
     folder = tmp_path / "below"

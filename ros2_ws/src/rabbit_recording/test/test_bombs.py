@@ -98,10 +98,6 @@ def test_a_bomb_is_refused_in_one_line(tmp_path: Path, bomb: Callable[[Path], st
         assert len(str(refused.value)) < 2000
 
 
-def test_a_sound_compressed_recording_is_read(tmp_path: Path) -> None:
-    assert contents(zeros(tmp_path / "bag", 1000)).messages == 1
-
-
 def test_a_damaged_tick_takes_no_memory(tmp_path: Path) -> None:
     """2^32 - 3 ticks are counted as lost, and none is kept."""
     last = 2**32 - 1

@@ -12,7 +12,7 @@ from rabbit_recording.checking import check_episodes
 from rabbit_recording.commands.bag import app
 from rabbit_recording.contents import contents
 from rabbit_recording.reader import read_episodes
-from recorded_walk import DRAWS, SEED, TICK_NS, Walk
+from recorded_walk import SEED, TICK_NS, Walk
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from typer.testing import CliRunner, Result
 
@@ -89,11 +89,3 @@ def test_info_counts(tmp_path: Path, write_bag: WriteBag, walk: Walk) -> None:
     assert (episode.seed, episode.recorded, episode.outcome, episode.policies) == (SEED, n, "walked", ["zero"])
     assert json.loads(rabbit("info", bag, "--json").output) == asdict(found)
     assert "walked" in rabbit("info", bag).output
-
-
-@DRAWS
-def test_plot_draws_every_picture(tmp_path: Path, write_bag: WriteBag) -> None:
-    done = rabbit("plot", write_bag(tmp_path / "bag"))
-    assert done.exit_code == 0, done.output
-    drawn = {path.stem for path in (tmp_path / "bag-pictures").glob("*.png")}
-    assert drawn == {"walk", "swing_foot", "barriers", "clf", "forces", "torques", "quantities"}

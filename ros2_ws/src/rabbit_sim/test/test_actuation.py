@@ -124,20 +124,3 @@ def test_gears_take_no_impulse_and_end_with_rotor_and_joint_together(backlash, s
     np.testing.assert_allclose(ROTOR_INERTIA * ways[:, 1] + inertia * ways[:, 3], torque * t, rtol=1e-9)
     twist = inertia / (inertia + ROTOR_INERTIA) * torque / (stiffness or GEAR_STIFFNESS) + np.deg2rad(backlash) / 2
     assert ways[-200:, 0].mean() - ways[-200:, 2].mean() == pytest.approx(twist, rel=0.02)
-
-
-def test_motors_of_several_robots_are_those_of_each():
-    """Also when some of them go on without the others."""
-    changes = [{}, {"motor_lag": 0.004, "torque_delay": 0.013}, {"torque_rate": 5000.0}, {"motor_loss": 0.1}]
-    changes += [{"dead_zone": 3.0}, {"motor_frequency": 20.0}, {"motor_frequency": 40.0, "dead_zone": 5.0}]
-    parameters = [SimulationParameters(**each) for each in changes]
-    alone, together = [Actuation(each) for each in parameters], Actuation(*parameters)
-    commands = np.random.default_rng(1).uniform(-250, 250, (6, len(changes), 4))
-    left = np.arange(len(changes))
-    for tick, command in enumerate(commands):
-        if tick == 3:
-            left = np.array([1, 2, 6])
-            together = together.going_on(left, [parameters[i] for i in left])
-        held = together.advance(command[left])
-        for row, i in enumerate(left):
-            assert np.array_equal(held[row], alone[i].advance(command[i]))

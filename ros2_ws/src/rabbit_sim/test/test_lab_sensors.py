@@ -5,7 +5,7 @@ import pytest
 from rabbit_description.gait import load_gaits
 from rabbit_description.state import TICK_SECONDS
 from rabbit_sim.parameters import SimulationParameters
-from rabbit_sim.perturbations.sensors import ENCODER_STEP, Laboratory, mean_specific_force
+from rabbit_sim.perturbations.sensors import Laboratory, mean_specific_force
 from rabbit_sim.plant import SUBSTEP_SECONDS, SUBSTEPS, PlantReading, gravity
 from rabbit_sim.simulation import Simulation
 from sensing import begun, state_of
@@ -69,16 +69,6 @@ def test_a_rate_is_that_of_a_millisecond_ago():
         assert rates == pytest.approx(40.0 * (number * TICK_SECONDS - SUBSTEP_SECONDS), abs=1e-5)
 
 
-@pytest.mark.parametrize("delay", [0.004, 0.01])
-def test_late_readings_are_those_of_earlier(delay):
-    exact = SimulationParameters(sensors="lab", encoder_resolution=1e-9, sensor_delay=delay, **PERFECT)
-    measure = begun(Laboratory, exact)
-    _, body = (measure(exactly(reading), reading).sensors for reading in readings(40.0))
-    time = 2 * TICK_SECONDS - delay
-    assert body.joint_angles == pytest.approx(40.0 * time**2 / 2, abs=1e-8)
-    assert body.joint_rates == pytest.approx(40.0 * (time - SUBSTEP_SECONDS), abs=1e-5)
-
-
 @pytest.mark.parametrize("plant", ["pybullet", "mujoco", "rigid"])
 def test_perfect_sensors_and_the_truth_agree_on_every_plant(plant):
     """Attitude and gyro are pitch and its rate; the velocity is the integral of the accelerometer, impacts included."""
@@ -119,20 +109,3 @@ def test_constant_errors_are_constant_and_noise_has_its_spread():
     for values, std in ((first, 0.01), (np.array(rate), 0.02), (np.array(force), 0.5)):
         assert abs(values.mean()) < 4 * std / np.sqrt(values.size)
         assert values.std() == pytest.approx(std, rel=0.15)
-
-
-def test_another_robot_under_way_has_the_same_sensors():
-    """The encoders keep their zeros; ground that rises by 2 degrees has the vertical lean forward by as much."""
-    parameters = SimulationParameters(sensors="lab", **{**PERFECT, "encoder_offset": 0.02})
-    simulation = Simulation(parameters, load_gaits("stones_0350_080"))
-    simulation.reset(3)
-    errors = []
-    for changes in ({}, {"payload": 3.0, "slope": 2.0}):
-        simulation.change(parameters.model_copy(update=changes))
-        sensed, true = simulation.step(np.zeros(4)).sensors, simulation.reading
-        assert np.isfinite(sensed.specific_force).all()
-        errors.append([*(sensed.joint_angles - true.q[3:]), sensed.attitude - true.q[2]])
-    simulation.close()
-    before, after = np.array(errors)
-    assert after[:4] == pytest.approx(before[:4], abs=ENCODER_STEP)
-    assert after[4] - before[4] == pytest.approx(-np.deg2rad(2.0))

@@ -27,16 +27,6 @@ def test_pinned_dynamics_obey_the_equation_of_motion_and_hold_the_foot(random_st
     assert ddq == pytest.approx(pushed, rel=1e-9, abs=1e-9)
 
 
-@pytest.mark.parametrize("scale", [0.5, 2.0, 3.0])
-def test_mass_scale_with_scaled_torque_moves_alike_and_scales_the_forces(random_state, truth, scale):
-    q, dq = random_state(1)
-    nominal, heavy = truth().pinned(), truth(mass_scale=scale).pinned()
-    ddq, force = accelerations(nominal, q, dq, TORQUE, Leg.LEFT)
-    scaled_ddq, scaled_force = accelerations(heavy, q, dq, scale * TORQUE, Leg.LEFT)
-    assert scaled_ddq == pytest.approx(ddq, rel=1e-9)
-    assert scaled_force == pytest.approx(scale * force, rel=1e-9)
-
-
 @pytest.mark.parametrize("changes", [{}, PERTURBED])
 @pytest.mark.parametrize("leg", Leg)
 @pytest.mark.parametrize("seed", range(5))
@@ -102,19 +92,6 @@ def test_rigid_locates_the_impact_and_pins_the_other_foot(truth, changes):
     gained = robot.momentum(after.q, after.dq) - robot.momentum(before.q, before.dq)
     given = after.foot_force.sum(axis=0) * TICK_SECONDS - [0, robot.mass * 9.81 * TICK_SECONDS]
     assert given == pytest.approx(gained, rel=1e-7)
-
-
-def test_rigid_mean_force_is_the_momentum_over_the_tick(truth):
-    robot = truth(plant="rigid")
-    q, dq = robot.start()
-    plant = RigidPlant(robot.parameters)
-    plant.reset(q, dq, Leg.LEFT)
-    plant.advance(TORQUE)
-    reading = plant.observe()
-    gained = robot.momentum(reading.q, reading.dq) - robot.momentum(q, dq)
-    weight = [0, robot.mass * 9.81 * TICK_SECONDS]
-    assert reading.foot_force[Leg.LEFT] * TICK_SECONDS == pytest.approx(gained + weight, rel=1e-8)
-    assert not reading.foot_force[Leg.RIGHT].any()
 
 
 @pytest.mark.parametrize("slope", [4.0, -7.0])

@@ -97,30 +97,6 @@ def test_no_motor_gives_more_than_its_limit_and_loss_allow(asked, lag, loss, del
 
 
 @settings(max_examples=50, deadline=None)
-@given(commands, numbers(0, 0.05), numbers(0, 0.9), st.integers(0, 30))
-def test_motors_are_linear_below_their_limit(asked, lag, loss, delay_ms):
-    settings_ = {"motor_lag": lag, "motor_loss": loss, "torque_delay": delay_ms * 0.001, "torque_limit": 10000}
-    one, three = Actuation(SimulationParameters(**settings_)), Actuation(SimulationParameters(**settings_))
-    for command in asked:
-        np.testing.assert_allclose(3 * one.advance(command), three.advance(3 * command), atol=1e-9)
-
-
-@settings(max_examples=50, deadline=None)
-@given(
-    numbers(0.2, 0.6), numbers(0, 0.03), numbers(0.5, 4), st.sampled_from(["normal", "uniform"]), st.integers(0, 2**32)
-)
-def test_drawn_edges_keep_their_bounds(mean, std, truncation, distribution, seed):
-    p = SimulationParameters(
-        l_min_mean=mean, l_min_std=std, l_min_truncation=truncation, l_min_distribution=distribution, stones=50
-    )
-    course = draw_course(p, np.random.default_rng(seed))
-    assert len(course) == 50
-    for stone in course:
-        assert abs(stone.l_min - mean) <= truncation * std + 1e-12
-        assert np.isclose(stone.l_max - stone.l_min, p.stone_width)
-
-
-@settings(max_examples=50, deadline=None)
 @given(st.integers(0, 2**32), st.lists(numbers(-0.02, 0.02), min_size=20, max_size=20))
 def test_absolute_stones_do_not_depend_on_where_the_feet_land(seed, errors):
     p = SimulationParameters(stone_placement="absolute", stones=20)

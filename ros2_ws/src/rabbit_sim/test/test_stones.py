@@ -95,11 +95,4 @@ def test_heights_are_drawn_within_their_bound_and_change_no_edge():
     assert abs(heights.mean()) < 4 * 0.04 / np.sqrt(3 * 500)  # four standard deviations of a uniform mean
 
 
-def test_no_stone_beyond_the_last_and_none_on_flat_ground():
-    assert Terrain(SimulationParameters(stones=2), COURSE).place_next(3, 0.7) is None
-    flat = Terrain(SimulationParameters(terrain="flat"), COURSE)
-    assert flat.place_next(1, 0.0) is None
-    assert len(flat.present) == 1
-
-
 # ---- parameters ------------------------------------------------------------------------------------------------------

@@ -2,7 +2,7 @@
 
 import pytest
 from rabbit_description.state import Leg
-from rabbit_sim.plant import FOOT_RADIUS, SUBSTEPS, Span
+from rabbit_sim.plant import SUBSTEPS, Span
 from rabbit_sim.terrain import Ground
 from rabbit_sim.touchdown_detector import TouchdownDetector
 
@@ -82,19 +82,3 @@ def test_a_foot_holds_on_a_top_and_not_at_a_side(top, substep, hold):
     fall = Fall(0.05, 1.0, PLATFORM, Span(0.1, 0.15, top))
     (touch,) = touches_of(fall, 8, lambda: [0.0, 50.0] if fall.now >= substep else NO_FORCE)
     assert touch.hold is hold
-
-
-def test_clear_is_above_the_stone_below():
-    """At rest on a stone 2 cm up, and again 4 mm above it: the foot has not left it."""
-    fall = Fall(0.024, 0.0, PLATFORM, Span(0.09, 0.2, 0.02))
-    assert not touches_of(fall, 2, lambda: [0.0, 50.0])
-    fall.height = 0.026
-    assert touches_of(fall, 1) == []
-    fall.height = 0.02
-    (touch,) = touches_of(fall, 1, lambda: [0.0, 50.0])
-    assert touch.hold
-
-
-@pytest.mark.parametrize(("x", "under"), [(0.09 - FOOT_RADIUS / 2, True), (0.09 - 2 * FOOT_RADIUS, False), (0.1, True)])
-def test_a_stone_reaches_a_foots_radius_further(x, under):
-    assert Ground([PLATFORM, Span(0.09, 0.14)]).is_under(x) is under

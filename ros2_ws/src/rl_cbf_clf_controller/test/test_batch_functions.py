@@ -8,20 +8,6 @@ from cbf_clf_qp.functions import NumpyFunction
 from rl_cbf_clf_controller.batch_functions import BatchFunction
 
 
-def norm() -> NumpyFunction:
-    v, scale = ca.SX.sym("v", 2), ca.SX.sym("scale")
-    found = {"size": scale * ca.norm_2(v), "outer": v @ v.T}
-    return NumpyFunction.of("norm", {"v": v, "scale": scale}, found)
-
-
-def test_rows_are_the_values_of_each() -> None:
-    v = np.array([[3.0, 4.0], [5.0, 12.0], [8.0, 15.0]])
-    found = BatchFunction(norm())(v, np.array([2.0]))
-    assert found.size == pytest.approx(2 * np.array([[5.0], [13.0], [17.0]]))
-    assert found.outer == pytest.approx(v[:, :, None] * v[:, None, :])
-    assert found[1].size == pytest.approx([26.0])
-
-
 def test_estimates_add_up_robot_by_robot() -> None:
     one = Estimates(np.ones((2, 3)), np.arange(2.0), np.ones((3, 4)))
     unknown = Estimates(np.zeros((2, 3)), np.zeros(2))

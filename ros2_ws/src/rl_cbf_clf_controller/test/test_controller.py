@@ -103,16 +103,6 @@ def test_saturated_noise_is_published_as_executed():
     assert output.torque == pytest.approx(precontrol(scene, output.mu), abs=1e-6)
 
 
-def test_noise_depends_on_the_seed_alone():
-    built = make(sigma=5.0)
-    built.reset(3)
-    first = built.step(state()).omega
-    built.reset(3)
-    assert built.step(state()).omega == pytest.approx(first)
-    built.reset(4)
-    assert built.step(state()).omega != pytest.approx(first)
-
-
 def test_estimates_shift_the_quantities_and_only_them():
     built = make()
     scene, zero = built.look(state()), Estimates.zero(5, 4)
@@ -141,19 +131,6 @@ def test_l1_adds_its_compensation():
     assert output.alpha == pytest.approx(0)
     assert np.abs(output.beta).max() > 1
     assert output.torque == pytest.approx(precontrol(built.look(later), output.mu + output.beta))
-
-
-def test_flat_force_rows_are_the_models_force_at_the_torque(models):
-    alpha, beta = 0.5 * np.eye(4), np.array([10.0, 0.0, -5.0, 0.0])
-    built = make("io-rl-clf-qp", flat_force_rows=True)
-    scene, mu = built.look(state()), np.array([20.0, -10.0, 30.0, 5.0])
-    rows, upper = programme(built, scene, Estimates(alpha, beta))
-    model = models[1]()
-    model.update(*GAIT.x_start)
-    force = model.pinned().force
-    at_mu = force(precontrol(scene, 1.5 * mu + beta))[1] - 20.0
-    per_newton = np.linalg.norm(rows[1]) / np.linalg.norm(force.a[1] @ scene.seen.control_a @ (np.eye(4) + alpha))
-    assert upper[1] - rows[1] @ mu == pytest.approx(at_mu * per_newton)
 
 
 def test_legs_swap_at_a_touchdown_and_not_before_its_time():
@@ -206,18 +183,6 @@ def test_controllers_in_threads_give_the_torques_of_one_alone_and_leave_stdout(m
     assert all(walk.result() == alone for walk in walks)
 
 
-def test_a_parameter_file_may_say_what_is_different_on_flat_ground(tmp_path):
-    path = tmp_path / "mine.yaml"
-    path.write_text("{controller: cbf-clf-qp, eps: 0.05, on_flat_ground: {controller: clf-qp}}")
-    assert [load_parameters(path, each).controller for each in (None, "stones", "flat")] == [
-        "cbf-clf-qp",
-        "cbf-clf-qp",
-        "clf-qp",
-    ]
-    assert load_parameters(path, "flat").eps == 0.05
-    assert load_parameters(path, "flat", controller="l1-clf-qp").controller == "l1-clf-qp", "an option counts"
-
-
 CHANGED = {
     "eps": 0.05,
     "slack_weight": 100.0,
@@ -247,11 +212,11 @@ def states_of_a_walk(count, seed):
 
 @pytest.mark.parametrize(("kind", "objective"), [("rl-cbf-clf-qp", "pd_centred"), ("robust-cbf-clf-qp", "paper")])
 def test_a_parameter_that_changes_between_two_ticks_holds_from_the_next_one_on(kind, objective):
-    """Each in turn, then all at random: the torque is that of a controller which is built with these values."""
+    """Half of them at random, those left, and all: the torque is that of a controller built with these values."""
     assert set(CHANGED) == set(GAINS)
     rng, walking = np.random.default_rng(0), make(kind, objective=objective, qp_solver="daqp")
-    settings = [{name: value} for name, value in CHANGED.items()]
-    settings += [{name: CHANGED[name] for name in rng.choice(GAINS, 5)} for _ in range(5)]
+    half = rng.choice(GAINS, len(GAINS) // 2, replace=False)
+    settings = [{name: CHANGED[name] for name in chosen} for chosen in (half, set(GAINS) - {*half}, GAINS)]
     for changes, at in zip(settings, states_of_a_walk(len(settings), 1), strict=True):
         at = replace(at, applied=np.array([10.0, -20.0, 30.0, 5.0]))
         built = make(kind, objective=objective, qp_solver="daqp", **changes)

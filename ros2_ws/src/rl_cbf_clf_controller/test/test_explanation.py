@@ -1,13 +1,12 @@
 """Explained ticks: a cart between walls in closed form; random rows against certificates of another algorithm."""
 
-from dataclasses import replace
 from typing import Any
 
 import casadi as ca
 import numpy as np
 import pytest
-from cbf_clf_qp import Affine, Barrier, Clf, Estimates, Rows, System, Terms, Tick, at_most
-from rl_cbf_clf_controller.explanation import Explanation, changes, explain
+from cbf_clf_qp import Barrier, Clf, Estimates, Rows, System, Terms, Tick, at_most
+from rl_cbf_clf_controller.explanation import Explanation, explain
 from scipy.optimize import nnls
 
 MASS, LIMIT, POLE = 2.0, 100.0, 8.0
@@ -79,46 +78,6 @@ def test_a_row_is_the_model_and_the_share_of_the_estimates() -> None:
     assert rows["left"].nominal == pytest.approx(mu)
     assert rows["left"].estimated == pytest.approx(0.3 * mu + 1)
     assert rows["u1"].estimated == pytest.approx(0.0)
-
-
-def test_the_estimates_of_an_input_that_is_corrected_are_in_the_torque() -> None:
-    alpha, beta = np.array([[0.5], [0.0], [0.0]]), np.array([2.0, 0.0, 0.0])
-    x, v, u = (ca.SX.sym(name) for name in ("x", "v", "u"))
-    system = System(ca.vertcat(x, v), u, ca.vertcat(v, u / MASS))
-    tick = Tick(system, [Clf(x - 1, eps=0.2)], limit=LIMIT, corrects_input=True)
-    told = explain(tick, np.array([0.8, 1.0]), tick.p(), Estimates(alpha[:1], beta[:1]))
-    (mu,) = tick.decide(np.array([0.8, 1.0]), tick.p(), Estimates(alpha[:1], beta[:1])).mu
-    assert told.rows[-1].nominal == pytest.approx(MASS * mu)
-    assert told.rows[-1].estimated == pytest.approx(MASS * (0.5 * mu + 2))
-
-
-def test_rows_of_several_errors_are_told_apart() -> None:
-    def corners(terms: Terms) -> list[Affine]:
-        n, m = terms.nominal.a.shape
-        return [Affine(ca.SX.zeros(n, m), each * ca.SX.ones(n)) for each in (0.0, -3.0)]
-
-    told = explained(cart(corners=corners), x=0.85, v=0.1)
-    rows = {row.name: row for row in told.rows}
-    assert [*rows] == ["CLF", "left", "right", "CLF (2)", "left (2)", "right (2)", "u1"]
-    assert rows["right (2)"].value == pytest.approx(rows["right"].value - 3)
-    assert rows["right (2)"].lower == rows["right"].lower
-
-
-def test_what_changed_since_the_tick_before() -> None:
-    tick, alpha = cart(), np.zeros((3, 1))
-    beta = np.array([0.0, 0.0, -4.0])
-    before, now = explained(tick, 0.2, 0.0), explained(tick, 0.85, 2.0, alpha=alpha, beta=beta)
-    assert changes(before, before) == []
-    told = changes(before, now)
-    assert any(each.startswith("right: with room -> ") for each in told)
-    assert "right: estimates 0 -> -4" in told
-
-
-def test_what_no_solver_answered_is_not_explained() -> None:
-    tick, x = cart(), np.array([0.8, 5.0])
-    p = tick.p(left=-9.0, right=0.9)
-    with pytest.raises(ValueError, match="no solver answered: broken"):
-        explain(tick, x, p, decided=replace(tick.decide(x, p), solved=False, status="broken"))
 
 
 def rows_of_random() -> Tick:

@@ -9,9 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from rabbit_description import DEFAULT_GAIT
 from rabbit_description.gait import load_gait
-from rabbit_description.robot_states import RobotStates
 from rabbit_description.state import RobotState, StonePreview
-from rl_cbf_clf_controller.batch_controller import BatchController
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.parameters import load_parameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
@@ -59,17 +57,3 @@ def test_a_joint_that_is_too_fast_ends_the_episode():
     controller.reset(0)
     acted = controller.act(state_of(FAST))
     assert acted.fault.split(":")[0] in ("no solver answered", "torque not finite")
-
-
-def test_in_a_batch_it_is_the_same_and_nobody_elses_matter():
-    controller = make("paper", 0.0)
-    good = GAIT.x_start[0], GAIT.x_start[1], np.zeros(4), np.zeros(4)
-    batch = BatchController(controller, [controller.policy] * 2)
-    for i in range(2):
-        batch.reset(i, 0)
-    output = batch.step(RobotStates.of([state_of(FAST), state_of(good)]))
-    for i, alone in enumerate((FAST, good)):
-        controller.reset(0)
-        acted = controller.act(state_of(alone))
-        assert output[i].torque.tobytes() == acted.torque.tobytes()
-        assert output[i].fault == acted.fault

@@ -12,10 +12,8 @@ from rl_cbf_clf_controller.speed_regulation import (
     INTEGRAL_MOST,
     MOST,
     PER_SLOPE,
-    REMEMBERED,
     RETAINED,
     level,
-    median,
     regulated,
 )
 
@@ -77,25 +75,6 @@ def test_the_slope_stays_within_the_library_and_changes_slowly(
         before = slope
 
 
-@EITHER
-@settings(deadline=None)
-@given(missing=st.lists(st.tuples(MISSING, MISSING), max_size=30), after=st.tuples(MISSING, MISSING))
-def test_a_reset_forgets(
-    kind: str, most: float, missing: list[tuple[float, float]], after: tuple[float, float]
-) -> None:
-    used, fresh = Regulation(kind, -6.0, 6.0), Regulation(kind, -6.0, 6.0)
-    for rate, speed in missing:
-        used.after(rate, speed)
-    used.reset()
-    assert used.slope == fresh.slope
-    assert used.after(*after) == fresh.after(*after)
-
-
-@EITHER
-def test_a_slow_touchdown_gets_a_steeper_step_and_a_fast_one_a_flatter(kind: str, most: float) -> None:
-    assert Regulation(kind, -6.0, 6.0).after(0.2, 0.0) > 0 > Regulation(kind, -6.0, 6.0).after(-0.2, 0.0)
-
-
 @pytest.mark.parametrize("true_slope", [-4.0, -1.0, 0.0, 2.0])
 @pytest.mark.parametrize("gain", [0.7, 1.0, 1.5])
 def test_the_rule_without_a_model_settles_at_the_true_slope_too(true_slope: float, gain: float) -> None:
@@ -144,12 +123,3 @@ def test_a_push_is_not_taken_for_a_slope(true_slope: float, push: float) -> None
     for step in range(30):
         slope = walk.step(push * (-1) ** (step // 3) if step % 3 == 0 else 0.0)
         assert slope == pytest.approx(true_slope, abs=1e-3)
-
-
-@given(values=st.lists(st.floats(-1e9, 1e9), min_size=1, max_size=REMEMBERED))
-def test_the_median_is_of_those_that_are_there(values: list[float]) -> None:
-    given_values = ca.SX.sym("values", REMEMBERED)
-    found = ca.Function("median", [given_values], [median(given_values)])
-    padded = np.pad(values, (0, REMEMBERED - len(values)), constant_values=np.nan)
-    assert float(found(padded)) == np.median(values)
-    assert float(found(padded[::-1])) == np.median(values)

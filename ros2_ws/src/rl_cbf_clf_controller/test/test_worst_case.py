@@ -109,13 +109,3 @@ def test_the_corners_are_the_models_at_the_ends(state, mu):
     for scale, error in zip((0.5, 3.0), corners(robust, scene, mu), strict=True):
         true = OraclePolicy(TruePlant(scaled(URDF, scale))).estimate(scene, NONE).error(mu)
         assert error == pytest.approx(true, rel=1e-6, abs=1e-6 * (1 + np.abs(true).max()))
-
-
-@settings(max_examples=30, deadline=None)
-@given(state=STATES, mu=INPUTS)
-def test_bounds_of_no_width_are_the_nominal_rows(state, mu):
-    plain = make("cbf-clf-qp")
-    expected = violations(plain, look(plain, state), mu)
-    robust = make(robust_scale_max=1.0)
-    found = violations(robust, look(robust, state), mu)
-    assert found == pytest.approx(np.vstack([expected, expected]), rel=1e-6, abs=1e-6)

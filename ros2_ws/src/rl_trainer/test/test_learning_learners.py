@@ -2,7 +2,6 @@
 
 import copy
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,6 @@ import torch
 from rl_cbf_clf_controller.policy import ActorPolicy
 from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.uncertainty import IO_RL_CLF_QP, RL_CBF_CLF_QP, RL_CLF_QP
-from rl_trainer import paper_ddpg
 from rl_trainer.ddpg import Ddpg
 from rl_trainer.paper_ddpg import PaperDdpg
 from rl_trainer.parameters import TrainingParameters, paper_literal
@@ -57,27 +55,6 @@ def test_closed_form_errors_are_recovered(
         size.append(alpha @ fresh.mu + beta)
     share = np.square(wrong).mean(axis=0) / np.square(size).mean(axis=0)
     assert share.max() < 0.05, share
-
-
-def test_value_of_a_constant_reward(random_transition: MakeTransition, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With reward -1 everywhere the critic's value tends to -1 / (1 - discount), and to -1 where the pose fails."""
-    monkeypatch.setattr(paper_ddpg, "DISCOUNT", 0.5)
-    problem = replace(RL_CLF_QP, name="unit", error_scale=(0.1,))  # times `TYPICAL_LGV`
-    rates = {"polyak": 0.05, "critic_rate": 3e-3, "actor_rate": 1e-9}
-    parameters = paper_literal(problem, hidden1=32, hidden2=24, **rates)
-    rng = np.random.default_rng(2)
-    unit_error = {"measured": np.array([1.0]), "nominal": np.zeros(1)}
-    going, failed = (
-        as_batch([random_transition(problem, rng, failed=f, **unit_error) for _ in range(64)], parameters)
-        for f in (False, True)
-    )
-    failed.penalty.zero_()
-    for batch, value in ((going, -2.0), (failed, -1.0)):
-        torch.manual_seed(0)
-        learner = PaperDdpg(parameters)
-        for _ in range(600):
-            learner.update(batch, 1.0)
-        assert learner.next_value(batch).mean().item() == pytest.approx(value, abs=0.1)
 
 
 @pytest.mark.parametrize("kind", [Ddpg, PaperDdpg])

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.uncertainty import PAPER, RL_CBF_CLF_QP, RL_CLF_QP
-from rl_trainer.parameters import TrainingParameters, paper_literal
-from rl_trainer.replay import Replay, as_batch
-from rl_trainer.reward import error_unit, reward_terms
-from rl_trainer.transitions import Doubt, Transition
+from rl_trainer.parameters import TrainingParameters
+from rl_trainer.replay import Replay
+from rl_trainer.reward import reward_terms
+from rl_trainer.transitions import Transition
 
 MakeTransition = Callable[..., Transition]
 
@@ -46,13 +46,6 @@ def test_what_is_not_measured_costs_nothing(random_transition: MakeTransition) -
     assert reward_terms(transition, TrainingParameters(problem=RL_CLF_QP)) == (0, 0)
 
 
-def test_unit_of_the_clf_grows_with_LgV() -> None:
-    LgV, (unit,) = np.array([[0.0, 0, 0, 0], [3, 0, 4, 0]]), RL_CLF_QP.error_scale
-    np.testing.assert_allclose(error_unit(LgV, TrainingParameters(problem=RL_CLF_QP)), [[unit], [6 * unit]])
-    same = error_unit(LgV, TrainingParameters(problem=RL_CLF_QP, relative_clf=False))
-    assert same[0] == same[1]
-
-
 def test_replay_drops_the_oldest(random_transition: MakeTransition) -> None:
     parameters = TrainingParameters(capacity=5, batch=64)
     replay, rng = Replay(parameters), np.random.default_rng(3)
@@ -61,16 +54,6 @@ def test_replay_drops_the_oldest(random_transition: MakeTransition) -> None:
     kept = {round(float(x), 4) for x in replay.sample().mu[:, 0]}
     assert kept == {round(float(np.float32(t.mu[0])), 4) for t in transitions[3:]}
     assert (len(replay), replay.added) == (5, 8)
-
-
-def test_only_the_literal_learner_keeps_failures(random_transition: MakeTransition) -> None:
-    transition = random_transition(
-        RL_CLF_QP, np.random.default_rng(6), failed=True, doubt=Doubt.UNMEASURED, measured=np.array([np.nan])
-    )
-    literal = paper_literal(RL_CLF_QP)
-    assert Replay(literal).add(transition)
-    assert not Replay(TrainingParameters(problem=RL_CLF_QP)).add(transition)
-    assert as_batch([transition], literal).penalty.item() == -literal.failure_penalty
 
 
 @pytest.mark.parametrize(

@@ -10,11 +10,10 @@ from cbf_clf_qp.functions import Array
 from rabbit_description.state import RobotState
 from rabbit_description.task import ControlTask
 from rabbit_description.task_state import task_state
-from rl_cbf_clf_controller.policy import ActorPolicy, LearnedPolicy
+from rl_cbf_clf_controller.policy import LearnedPolicy
 from rl_cbf_clf_controller.problem import Problem
-from rl_cbf_clf_controller.task_controller import NOMINAL, ORACLE, Controlling, TaskController
+from rl_cbf_clf_controller.task_controller import NOMINAL, Controlling, TaskController
 from rl_trainer.parameters import TrainingParameters
-from rl_trainer.training import Trainer
 from rl_trainer.transitions import Doubt, Transition, TransitionBuilder
 
 SECONDS, SCALE, PUSH = 0.01, 2.0, 3.0  # s; true over nominal mass; m/s^2, nothing that the model knows
@@ -89,38 +88,8 @@ def test_a_barriers_target_is_the_models_error_under_any_estimates() -> None:
     assert found.LgV == pytest.approx([0.0])
 
 
-def test_an_oracle_knows_the_true_parameters() -> None:
-    """Twice the mass: y'' = mu / 2, so that V-dot is wrong by -LgV mu / 2, and mu with it twice as large."""
-    CONTROLLER.policy = ORACLE
-    output = CONTROLLER.step(at(np.array([0.3, -0.2])))
-    assert CONTROLLER.estimates
-    assert output.alpha == pytest.approx(-output.LgV[None] / 2)
-    assert CONTROLLER.estimates.output_error == pytest.approx(np.array([[-0.5, 0.0]]))
-
-
-def test_the_limit_holds_with_exploration() -> None:
-    controller = controller_of(limit=0.01)
-    controller.sigma = 50.0
-    output = controller.step(at(np.array([0.1, 0.0]), controller))
-    assert np.abs([output.torque, output.mu]) == pytest.approx(np.full((2, 1), 0.01))
-
-
 @pytest.mark.parametrize("later", [{"impacts": 1}, {"applied": np.zeros(1)}])
 def test_nothing_is_measured_through_an_impact_or_under_another_input(later: dict[str, Any]) -> None:
     found = measured(np.array([0.1, 0.0]), np.random.default_rng(0), **later)
     assert Doubt.UNMEASURED in found.doubt
     assert np.isnan(found.measured).all()
-
-
-def test_a_trainer_learns_it() -> None:
-    """One input, one quantity, two observations: a fifth of the error without a policy is left."""
-    sizes = {"hidden1": 32, "hidden2": 32, "batch": 64}
-    parameters = TrainingParameters(problem=CLF_PROBLEM, learner="regression", seed=3, **sizes)
-    trainer, rng = Trainer(parameters), np.random.default_rng(8)
-    trainer.begin_episode()
-    for _ in range(600):
-        trainer.take(measured(rng.standard_normal(2), rng))
-    trainer.learn(1500)
-    policy, held_out = ActorPolicy(trainer.policy_file()), [measured(rng.standard_normal(2), rng) for _ in range(100)]
-    errors = [policy.act(each.observation, each.LgV).error(each.mu) - each.target for each in held_out]
-    assert np.linalg.norm(errors) < 0.2 * np.linalg.norm([each.target for each in held_out])
