@@ -1,8 +1,9 @@
-"""Errors of estimates whose truth is known: made by hand, and the oracle and the zero policy on short walks."""
+"""Errors of estimates whose truth is known: made by hand, on short walks; shares within chi-square's bounds."""
 
 import numpy as np
 import pytest
 from cbf_clf_qp.estimates import Estimates
+from rabbit_estimation.estimation_errors import shares
 from rabbit_estimation.policy_errors import NoTicksError, compare, errors
 from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.conditions import EVALUATION_LAG
@@ -71,3 +72,17 @@ def test_the_first_ticks_after_an_impact_do_not_count() -> None:
     assert found["ticks"] == sum(walk["ticks"] for walk in found["walks"]) - 2 * 2 * 5
     with pytest.raises(NoTicksError, match=r"0\.05 s"):
         compare(assembly("rl-cbf-clf-qp", "oracle", fall_height=0.8), "policy", [1])
+
+
+@pytest.mark.parametrize(("truth", "within", "above"), [(1.0, 0.95, 0.025), (1.5, 0.0, 1.0), (0.6, 0.0, 0.0)])
+def test_the_mean_is_within_its_bounds_as_often_as_they_say(truth, within, above):
+    """Errors as large as claimed, too large and too small; walks of different lengths, numbers that come and go."""
+    rng = np.random.default_rng(1)
+    walks = []
+    for length in rng.integers(2000, 3000, 40):
+        freedom = rng.choice([8, 12], length)
+        walks.append(np.column_stack([truth * rng.chisquare(freedom) / freedom, freedom]))
+    walks.append(walks[0][:5])  # a fall
+    found = shares(walks)
+    assert found[0] == pytest.approx(within, abs=0.02)
+    assert found[1] == pytest.approx(above, abs=0.012)

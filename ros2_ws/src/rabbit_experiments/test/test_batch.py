@@ -7,11 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cbf_clf_qp.estimates import Estimates
-from gymnasium.utils.seeding import np_random
 from rabbit_description.gait import load_gaits
 from rabbit_description.robot_states import RobotStates
-from rabbit_description.state import Array, StonePreview
+from rabbit_description.state import StonePreview
 from rabbit_experiments.assembly import Assembly, make_simulation, resolve_policy
 from rabbit_experiments.batch_evaluation import walk_together
 from rabbit_experiments.evaluation import walk
@@ -22,14 +20,13 @@ from rabbit_sim.simulation import Outcome
 from rl_cbf_clf_controller.batch_controller import BatchController
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.parameters import load_parameters
-from rl_cbf_clf_controller.policy import LearnedPolicy, Policy, ZeroPolicy
+from rl_cbf_clf_controller.policy import Policy
 from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.scene import ControllerError
 from rl_cbf_clf_controller.uncertainty import PAPER
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.reward import reward
 from rl_trainer.rollout import Record, rollout
-from rl_trainer.transitions import TransitionBuilder
 
 TIMES = {"tick_ms_p50", "tick_ms_p99", "plant_ms_p50", "walk_seconds"}
 PLANTS: list[dict[str, Any]] = [
@@ -238,6 +235,7 @@ def test_the_vector_environment_is_one_robot_row_by_row() -> None:
         for i, one in enumerate(ones):
             alone, earned, terminated, truncated, about = one.step(actions[i : i + 1])
             assert (terminated[0], truncated[0], earned[0]) == (failed[i], cut[i], rewards[i])
+            assert earned[0] == reward(info["transition"][i], parameters)
             assert np.array_equal(alone[0], observed[i])
             assert np.array_equal(about["next_LgV"][0], info["next_LgV"][i])
             if terminated[0] or truncated[0]:

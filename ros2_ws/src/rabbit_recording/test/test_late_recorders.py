@@ -1,11 +1,12 @@
-"""A recording that begins in the middle of a walk: what of it is replayed; settings that came as history."""
+"""A recording that begins in the middle of a walk; settings and policies that came as history."""
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from rabbit_description.gait import load_gait
-from rabbit_recording.active_settings import Settings
+from rabbit_recording.active_settings import Policies, Settings
 from rabbit_recording.commands.bag import app
 from recorded_walk import TICK_NS, Walk, message, told, write
 from rl_cbf_clf_controller.parameters import ControllerParameters
@@ -65,3 +66,25 @@ def test_check_replays_what_begins_and_says_why_not_the_rest(late: Path, walk: W
         f"episode 4: {n} ticks, 0 lost, {n} replayed, torques identical",
     ]
     assert done.exit_code == 0
+
+
+def policy(version: str) -> SimpleNamespace:
+    """An accepted policy, as the controller announces it."""
+    return SimpleNamespace(version=version, accepted=True, data=version.encode())
+
+
+def test_a_controller_that_is_started_again_takes_no_policy_away() -> None:
+    """Episode 1 was walked with zero, episode 2 with another; then a new controller said zero once more."""
+    policies = Policies()
+    for version in ("zero", "one", "zero"):
+        policies.add(policy(version))
+    policies.forget_before("zero")  # episode 1 is decoded now
+    assert policies.get("one") == b"one"
+
+
+def test_what_was_told_before_is_forgotten() -> None:
+    policies = Policies()
+    for version in ("zero", "one", "two"):
+        policies.add(policy(version))
+    policies.forget_before("two")
+    assert [policies.get(version) for version in ("zero", "one", "two")] == [None, None, b"two"]

@@ -1,4 +1,4 @@
-"""`rabbit reproduce`: a tiny experiment to its files, the commands of its rows, and what is wrong in one line."""
+"""`rabbit reproduce`: a tiny experiment to its files, the commands of its rows, the same courses for all."""
 
 import shlex
 from collections.abc import Callable
@@ -9,12 +9,13 @@ from typing import Any
 import pytest
 from rabbit_experiments.commands import evaluate as evaluate_module
 from rabbit_reproduce.catalogue import EXPERIMENTS
+from rabbit_reproduce.catalogue.higher_gain import ENGINES, WHO, HigherGain
 from rabbit_reproduce.command_lines import evaluate_command
 from rabbit_reproduce.commands.reproduce import app
 from rabbit_reproduce.experiment import Experiment
 from rabbit_reproduce.page import make
 from rabbit_reproduce.report import RUNS, read_rows
-from rabbit_reproduce.table_lines import COLUMNS, QUICK, Line, Size
+from rabbit_reproduce.table_lines import COLUMNS, FULL, QUICK, Line, Size
 from typer.testing import CliRunner, Result
 
 Maker = Callable[..., Experiment]
@@ -55,3 +56,14 @@ def test_a_rows_command_makes_its_runs(line: Line, tmp_path: Path, monkeypatch: 
     monkeypatch.setattr("rabbit_experiments.results.ResultsFolder", lambda *_: None)
     assert CliRunner().invoke(evaluate_module.app, words[2:]).exit_code == 0
     assert replace(seen["scenario"], title=line.what) == scenario
+
+
+def test_at_each_point_every_controller_walks_the_same_courses_in_both_engines() -> None:
+    lines = HigherGain().by_key
+    for _, field, value in lines:
+        for engine in ENGINES:
+            scenarios = [lines[who, field, value].scenario(FULL, engine) for who in WHO]
+            assert len({(each.seed, each.runs, each.assembly.simulation) for each in scenarios}) == 1
+            assert scenarios[0].runs >= 20
+            assert scenarios[0].assembly.simulation.plant == engine.plant
+            assert getattr(scenarios[0].assembly.simulation, field) == value

@@ -1,7 +1,25 @@
-"""What an option's help says of its default, and which default holds."""
+"""What an option's help says of its default, and which default holds; the exit code of several episodes."""
 
+import pytest
 from pydantic import BaseModel, Field
+from rabbit_common.exit_codes import ExitCode, of_walk
 from rabbit_common.options import Defaults, Given, described
+
+
+@pytest.mark.parametrize(
+    ("outcomes", "code"),
+    [
+        (["walked"], ExitCode.WALKED),
+        (["walked", "fall", "walked"], ExitCode.FELL),
+        (["silent", "fall", "walked"], ExitCode.FAULT),
+        (["reset", "walked"], ExitCode.WALKED),  # an operator asked for the second
+        (["reset", "miss"], ExitCode.FELL),
+        (["walked", "reset"], ExitCode.FAULT),  # nothing followed it
+        ([], ExitCode.FAULT),
+    ],
+)
+def test_the_worst_episode_counts(outcomes: list[str], code: ExitCode) -> None:
+    assert of_walk(outcomes) is code
 
 
 class Robot(BaseModel):

@@ -1,11 +1,13 @@
-"""An error in a person's own code is told with file, line and source line; the project's own errors are not."""
+"""An error is one line: of a person's own code with file and line, of a value with its name and what was expected."""
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from rabbit_description.user_code import fault_in_user_code, plugged
-from rabbit_description.validation import nearest, one_of
+from rabbit_description.validation import nearest, one_line, one_of
 
 
 def error_of(path: Path, text: str, names: dict[str, object] | None = None) -> Exception:
@@ -70,3 +72,32 @@ def test_the_nearest_name_comes_first() -> None:
     assert one_of("bset", ["authors", "ours", "best"]) == "one of best, authors, ours (did you mean best?)"
     assert one_of("zzz", ["authors", "ours"]) == "one of authors, ours"
     assert nearest("zzz", ["authors"]) == ""
+
+
+class Part(BaseModel):
+    """With what can be wrong."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    mass: float = Field(gt=0)
+    links: dict[str, int] = {}
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({}, "mass: missing"),
+        ({"mass": -1, "links": {"a": "b"}}, "mass = -1: expected greater than 0"),
+        ({"mass": 1, "links": {"a": "b"}}, "links.a = b: expected integer, unable to parse string as an integer"),
+        ({"width": 2}, "width: no such parameter"),
+        (None, "expected names, each with a value"),
+    ],
+)
+def test_one_line_of_a_refused_value(given: Any, said: str) -> None:
+    with pytest.raises(ValidationError) as error:
+        Part.model_validate(given)
+    assert one_line(error.value) == said
+
+
+def test_a_long_error_is_cut() -> None:
+    assert one_line("a\nb" * 1000, 4) == "a ba ..."
