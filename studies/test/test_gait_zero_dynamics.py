@@ -1,4 +1,4 @@
-"""The zero dynamics against mechanics: pinned-foot motion, angular momentum, mass scaling, energy at impact."""
+"""The zero dynamics against mechanics, and CasADi's robot against pinocchio's."""
 
 from dataclasses import dataclass
 
@@ -7,6 +7,7 @@ import pinocchio as pin
 import pytest
 from rabbit_description.gait import Gait, GaitLibrary, load_gait, load_gaits
 from rabbit_description.state import SWAP_STATE, Array
+from rabbit_gait_design import symbolic_robot
 from rabbit_gait_design.orbit import Orbit, start_phase_rate
 from rabbit_gait_design.pinocchio_model import PinocchioModel
 from rabbit_gait_design.zero_dynamics import ZeroDynamics, loaded_model
@@ -194,3 +195,43 @@ def test_impact_loses_energy_and_leaves_the_landed_foot_at_rest() -> None:
     feet = model.update(last.q, after)
     landed_foot_rate = feet.swing_rate + after[:2] - feet.hip_rate  # the old stance foot moves now
     assert landed_foot_rate == pytest.approx([0, 0], abs=1e-9)
+
+
+PLANE = [0, 2]
+WORLD = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+
+
+def random_motion(seed: int) -> tuple[Array, Array, Array]:
+    rng = np.random.default_rng(seed)
+    return rng.uniform(-1, 1, 7), rng.uniform(-3, 3, 7), rng.uniform(-20, 20, 7)
+
+
+@pytest.mark.parametrize("slope", [0.0, 6.0, -4.0])
+@pytest.mark.parametrize("seed", range(5))
+def test_mass_matrix_and_bias_forces(seed: int, slope: float) -> None:
+    q, dq, _ = random_motion(seed)
+    model = loaded_model(slope=slope).model
+    data = model.createData()
+    upper = np.triu(pin.crba(model, data, q))
+    mass_matrix, bias_forces = symbolic_robot.dynamics(slope)
+    assert np.array(mass_matrix(q)) == pytest.approx(upper + np.triu(upper, 1).T, rel=1e-9, abs=1e-9)
+    assert np.array(bias_forces(q, dq)).ravel() == pytest.approx(pin.nle(model, data, q, dq), rel=1e-9, abs=1e-8)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_feet(seed: int) -> None:
+    q, dq, ddq = random_motion(seed)
+    model = loaded_model().model
+    data = model.createData()
+    pin.forwardKinematics(model, data, q, dq, ddq)
+    pin.updateFramePlacements(model, data)
+    motion = symbolic_robot.foot_motion()(q=q, dq=dq, ddq=ddq)
+    for leg, name in (("left", "stance"), ("right", "swing")):
+        frame = model.getFrameId(f"{leg}_foot")
+        velocity = pin.getFrameVelocity(model, data, frame, WORLD).linear[PLANE]
+        acceleration = pin.getFrameClassicalAcceleration(model, data, frame, WORLD).linear[PLANE]
+        jacobian = pin.computeFrameJacobian(model, data, q, frame, WORLD)[PLANE]
+        assert np.array(motion[name]).ravel() == pytest.approx(data.oMf[frame].translation[PLANE], abs=1e-12)
+        assert np.array(motion[f"v_{name}"]).ravel() == pytest.approx(velocity, abs=1e-10)
+        assert np.array(motion[f"a_{name}"]).ravel() == pytest.approx(acceleration, abs=1e-9)
+        assert np.array(motion[f"J_{name}"]) == pytest.approx(jacobian, abs=1e-12)

@@ -1,11 +1,9 @@
 """The page in a real browser: every control is clicked, and what is drawn and the numbers behind it are looked at."""
 
-import os
 import re
 import subprocess
 import time
 from collections.abc import Iterator
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -89,50 +87,6 @@ def test_a_first_visit_sees_the_walk_the_fall_and_why(chromium: Chromium) -> Non
         late.wait("!document.querySelector('#happened.waits')")
         for each in (page, late):
             check_requests(each)
-    finally:
-        assert served.end() == 0
-
-
-def test_your_own_controller_barrier_and_policy_walk_on_the_page(
-    chromium: Chromium, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The controller by its entry point, the policy as a file, a recording beside them."""
-    own = tmp_path / "own-1.dist-info"
-    own.mkdir()
-    (own / "METADATA").write_text("Metadata-Version: 2.1\nName: own\nVersion: 1\n")
-    (own / "entry_points.txt").write_text("[rabbit.controllers]\npitch-rl-clf-qp = torso_pitch:CONTROLLER\n")
-    paths = [str(tmp_path), str(Path(__file__).parents[2] / "examples"), os.environ.get("PYTHONPATH", "")]
-    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(paths))
-    mine = ("--controller", "pitch-rl-clf-qp", "--policy", "zero", "--terrain", "flat", "--mass-scale", "1")
-    served = Served("play", *mine)
-    try:
-        page = chromium.open(served.address)
-        page.wait("rabbit.clock.row > 60")
-        assert page.look("rabbit.state.walk.walkers[0].about.barriers") == ["pitch"]
-        assert "yours pitch-rl-clf-qp, zero" in page.look("document.querySelector('#sentence').textContent")
-        lean = page.look("rabbit.state.walk.walkers[0].get(60, 'pitch')")
-        assert -0.1 < lean < 0.345
-        rows = page.look("[...document.querySelector('#row').options].map(({text}) => text)")
-        assert "pitch" in rows
-        page.drag("#time", 0.5)
-        page.wait("document.querySelector('#why pre').textContent.includes('pitch')")
-        page.choose("#second", "pitch-rl-clf-qp")
-        page.wait("rabbit.controls.state.waiting.includes('second')")
-        check_requests(page)
-    finally:
-        assert served.end() == 0
-    shipped = files("rl_cbf_clf_controller") / "policies" / "rl-cbf-clf-qp.safetensors"
-    (tmp_path / "mine.safetensors").write_bytes(shipped.read_bytes())
-    run = tmp_path / "run"
-    evaluate = [*RABBIT, "evaluate", "--runs", "1", "--stones", "3", "--pictures", "--out", str(run)]
-    subprocess.run(evaluate, check=True, timeout=300, stdout=subprocess.DEVNULL)
-    beside = ("--policy", str(tmp_path / "mine.safetensors"), "--recording", str(run), "--mass-scale", "2")
-    served = Served("play", *beside, "--stones", "3")
-    try:
-        page = chromium.open(served.address)
-        page.wait("rabbit.state.ended[0]?.outcome === 'walked' && rabbit.state.ended[1]?.outcome === 'walked'")
-        assert page.look("rabbit.state.walk.walkers.map(({about}) => about.name)") == ["yours", "recording"]
-        check_requests(page)
     finally:
         assert served.end() == 0
 

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rabbit_bringup.hardware import in_world
 from rabbit_common.ros.conversions import encoder_message, foot_wrench, header, imu_message
 from rabbit_description.state import BodySensors
 from rabbit_msgs.msg import Episode
@@ -214,11 +213,3 @@ def test_a_robot_elsewhere_is_not_enabled_and_told_why(world: Any) -> None:
     world.wait(lambda: "not near" in refusal())
     assert "left_knee 1.50 (expected 0.21)" in refusal()
     assert "torso 0.00 (expected 0.29)" in refusal()
-
-
-def test_a_force_in_the_sole_is_that_of_the_ground() -> None:
-    rng = np.random.default_rng(0)
-    for angle in rng.uniform(-2, 2, 10):
-        force = rng.normal(size=2)
-        said = foot_wrench(force, float(angle), 0, header(1)).wrench.force
-        np.testing.assert_allclose(in_world(np.array([said.x, said.z]), angle), force)

@@ -7,11 +7,9 @@ from typing import Any
 from xml.etree import ElementTree
 
 import pytest
-from rabbit_bringup.launching.walk import WalkOptions, WalkSettings
+from rabbit_bringup.launching.walk import WalkOptions
 from rabbit_bringup.ros.walk_monitor import WalkMonitor
-from rabbit_sim.parameters import SimulationParameters
 from rclpy.node import NodeNameNonExistentError
-from rl_cbf_clf_controller.parameters import ControllerParameters
 
 POLICY = Path(__file__).parents[2] / "ros2_ws/src/rabbit_bringup/config/sros2_policy.xml"
 NODES = ("simulator", "controller", "trainer", "recorder", "viewer")
@@ -115,14 +113,3 @@ def test_a_viewer_that_may_control_calls_three_services_more(root_world: Any) ->
     root_world.start("viewer", port=0, control=True)
     for node, rights in policy["/rabbit/viewer_control"].items():
         assert settled(root_world, node, rights) == rights, node
-
-
-def test_a_walk_puts_each_process_into_its_enclave(tmp_path: Path) -> None:
-    plant, parameters = SimulationParameters(sensors="lab"), ControllerParameters()
-    walk = WalkSettings(
-        folder=tmp_path, options=WalkOptions(view=True), simulation=plant, controller=parameters, policy="zero"
-    )
-    for name in walk.names:
-        words = walk.arguments(name)
-        assert words[words.index("--enclave") + 1] == f"/rabbit/{name}"
-        assert f"/rabbit/{name}" in enclaves()

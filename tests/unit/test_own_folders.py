@@ -2,15 +2,12 @@
 
 import fcntl
 import os
-import signal
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 import typer
 from rabbit_bringup.cli import app, commands
-from rabbit_common.own_folder import RESERVED, new_file, own_folder
+from rabbit_common.own_folder import RESERVED
 from typer.testing import CliRunner, Result
 
 FOREIGN = (
@@ -112,29 +109,6 @@ def test_two_commands_do_not_write_to_one_place(tmp_path: Path, monkeypatch: pyt
     assert "another command is writing there" in done.stderr
     assert contents(tmp_path) == before
     os.close(descriptor)
-
-
-HOLDS = """
-import sys, time
-from pathlib import Path
-from rabbit_common.own_folder import new_file, own_folder
-own_folder(Path(sys.argv[1]), "train")
-new_file(Path(sys.argv[2]))
-print("held", flush=True)
-time.sleep(100)
-"""
-
-
-def test_a_lock_dies_with_its_process(tmp_path: Path) -> None:
-    places = tmp_path / "folder", tmp_path / "file"
-    with subprocess.Popen([sys.executable, "-c", HOLDS, *map(str, places)], stdout=subprocess.PIPE) as other:
-        assert other.stdout
-        assert other.stdout.readline() == b"held\n"
-        for take in (lambda: own_folder(places[0], "train"), lambda: new_file(places[1])):
-            with pytest.raises(typer.Exit):
-                take()
-        other.send_signal(signal.SIGKILL)
-    assert (own_folder(places[0], "train"), new_file(places[1])) == places
 
 
 @pytest.mark.parametrize("first", ["evaluate", "train"])

@@ -134,19 +134,6 @@ def test_a_rate_follows_the_pace() -> None:
     assert at(0.4)["place_x"] == pytest.approx(commands(1.0)["place_x"] + 0.1)
 
 
-def test_a_ride_that_raises_ends_and_the_next_one_begins(start: Start, tmp_path: Path) -> None:
-    mine = "controllers={'mine': lambda x, p: 1 / 0}, "
-    (tmp_path / "cart.py").write_text(CART.replace("draw=", f"{mine}draw="))
-    played = Played(replace(start, controllers=("mine", "oracle"))).ride()
-    outcomes = [each["outcome"] for each in played.words["ended"]["walkers"]]
-    assert outcomes[0].startswith(f"{tmp_path / 'cart.py'}, line 11: ZeroDivisionError: division by zero: `")
-    assert outcomes[1] == "done"
-    assert np.isnan(played.rows(0)["tick"]).all()
-    played.ask("begin", settings={"first": "oracle"})
-    played.player.tick()
-    assert played.ride().words["ended"]["walkers"][0]["outcome"] == "done"
-
-
 def test_a_tick_is_explained_live_as_in_process(start: Start) -> None:
     played = Played(start).ride(80)
     played.ask("explain", walker=0, tick=60)

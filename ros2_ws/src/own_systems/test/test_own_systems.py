@@ -8,21 +8,17 @@ import re
 import subprocess
 import sys
 from dataclasses import replace
-from operator import attrgetter
-from pathlib import Path
 
 import casadi as ca
 import numpy as np
 import pytest
 from cbf_clf_qp import Clf, System
 from own_cart import CART, LIMIT, POLE
-from own_systems import ControlTask, TaskError, recording
+from own_systems import ControlTask, TaskError
 from own_systems.commands.system import app
 from own_systems.page import ended_of
 from own_systems.recording import differing, recorded_ride, write_ride
 from rabbit_description.task_source import load_task
-from rabbit_experiments.cache import Cache
-from rabbit_experiments.task_rides import rides_of
 from rabbit_recording import RecordingError
 from rabbit_recording.commands.bag import app as bag_app
 from rabbit_recording.contents import contents
@@ -175,31 +171,11 @@ def test_a_recording_replays_to_the_bit_and_a_changed_one_is_found(task, tmp_pat
     assert furthest > 0
 
 
-def test_a_recorder_may_have_heard_the_topics_of_a_tick_in_any_order(task, tmp_path, monkeypatch):
-    write_ride(ride_of(TaskController(task), "oracle", 3), tmp_path / "bag", None)
-    whole = list(recording.messages(tmp_path / "bag", "episode", "policy_swap", "state", "parameters", "torque"))
-    shuffled = [whole[i] for i in np.random.default_rng(1).permutation(len(whole))]
-    monkeypatch.setattr(recording, "messages", lambda path, *names: iter(shuffled))
-    assert differing(task, tmp_path / "bag") == (300, [], 0.0)
-
-
 def test_a_recording_of_another_system_is_refused(task, tmp_path):
     write_ride(ride_of(TaskController(task), "nominal", 3), tmp_path / "bag", None)
     other = replace(task, name="lift", coordinates=("height",))
     with pytest.raises(RecordingError, match="of another system, with x, u1; not of lift"):
         differing(other, tmp_path / "bag")
-
-
-def test_a_recorded_ride_is_the_ride(task, tmp_path):
-    ridden = ride_of(TaskController(task), "oracle", 3)
-    write_ride(ridden, tmp_path / "bag", None)
-    again = recorded_ride(task, tmp_path / "bag")
-    assert (again.seed, again.outcome, again.controller) == (3, "done", "oracle")
-    for name in ("x", "u", "p", "output.barriers", "output.step_time"):
-        found = [[attrgetter(name)(moment) for moment in ride.moments] for ride in (ridden, again)]
-        np.testing.assert_allclose(*found, rtol=0, atol=1e-15)
-    with pytest.raises(RecordingError, match="no tick of episode 2"):
-        recorded_ride(task, tmp_path / "bag", 2)
 
 
 def typed(*words, of=app):
@@ -263,19 +239,6 @@ def test_a_benchmark_goes_from_the_nominal_plant_beyond_the_true_one(cart, tmp_p
     kept = {path: path.stat().st_mtime_ns for path in (tmp_path / "1" / "cache").rglob("*.json.gz")}
     assert typed("benchmark", cart, "--rides", 2, "--jobs", 1, "--out", tmp_path / "1")[0] == 0
     assert kept == {path: path.stat().st_mtime_ns for path in (tmp_path / "1" / "cache").rglob("*.json.gz")}
-
-
-def test_another_urdf_is_another_ride(tmp_path):
-    for kind in (".yaml", ".urdf"):
-        (tmp_path / f"walker{kind}").write_bytes((Path(__file__).parents[4] / f"examples/amber_3m{kind}").read_bytes())
-    walker = tmp_path / "walker.yaml"
-    walker.write_text(walker.read_text().replace("amber_3m.urdf", "walker.urdf"))
-    (ride,) = rides_of(str(walker), ["nominal"], 1, 1)
-    before = Cache(tmp_path).key(ride)
-    with (tmp_path / "walker.urdf").open("a") as urdf:
-        urdf.write("<!-- another -->")
-    after = Cache(tmp_path).key(ride)
-    assert (before.asked, before.made_with != after.made_with) == (after.asked, True)
 
 
 @pytest.mark.parametrize(

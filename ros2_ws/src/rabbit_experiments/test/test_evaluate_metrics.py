@@ -67,13 +67,6 @@ def test_violations(record: Record, force: tuple[float, float], over: int, lost:
     assert early.ticks_over_cone == early.ticks_lost == 0
 
 
-def test_largest_ratio_is_taken_of_loaded_ticks_after_the_impact(record: Record) -> None:
-    row = row_of(record, [(10.0, 100.0), (-50.0, 100.0), (15.0, 16.0)])
-    assert row.max_force_ratio == pytest.approx(0.5)
-    assert row.min_normal_force == 16.0
-    assert row_of(record, [(90.0, 100.0)], age=0).max_force_ratio == 0.0
-
-
 def run(record: Record, landings: list[Landing], outcome: Outcome, force: Array, **changes: Any) -> RunResult:
     """A run of as many steps as landings, four late ticks each."""
     tally = RunTally(0, PARAMETERS)

@@ -1,5 +1,6 @@
-"""Small recordings that would take gigabytes or hours: refused in one line, or read in proportion to their bytes."""
+"""Recordings that would take gigabytes or hours, or are none: one line, or in proportion to their bytes."""
 
+import shutil
 import sqlite3
 import struct
 from collections.abc import Callable
@@ -10,11 +11,13 @@ from typing import Any
 import pytest
 from rabbit_recording import RecordingError
 from rabbit_recording.bag_writer import BagWriter, graph_types
+from rabbit_recording.commands.bag import app
 from rabbit_recording.contents import contents
 from rabbit_recording.episode_inventory import MOST_UNHEARD
 from rabbit_recording.reader import iterate_episodes
-from recorded_walk import MESSAGES, in_sqlite3
+from recorded_walk import DRAWS, MESSAGES, in_sqlite3
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+from typer.testing import CliRunner
 
 STATE = "rabbit_msgs/msg/RobotState"
 TICK = {"/state": STATE, "/torque": "rabbit_msgs/msg/TorqueCommand"}
@@ -111,3 +114,28 @@ def test_damaged_episode_numbers_take_no_memory(tmp_path: Path) -> None:
     whole = contents(write(tmp_path / "bag", [state(number, tick) for number in numbers for tick in (0, 1)]))
     assert [episode.number for episode in whole.episodes if episode.presence == "recorded"] == numbers
     assert sum(episode.presence == "lost" for episode in whole.episodes) == MOST_UNHEARD
+
+
+@pytest.mark.parametrize("command", ["info", pytest.param("plot", marks=DRAWS), "check"])
+@pytest.mark.parametrize(("name", "said"), [("none", "no such file or folder"), (".", "expected a rosbag2 folder")])
+def test_refused_in_one_line(tmp_path: Path, command: str, name: str, said: str) -> None:
+    done = CliRunner().invoke(app, [command, str(tmp_path / name)])
+    assert (done.exit_code, done.stderr.count("\n")) == (2, 1), done.output
+    assert said in done.stderr
+    assert str(tmp_path / name) in done.stderr
+
+
+@DRAWS
+def test_other_message_definitions_are_refused(tmp_path: Path) -> None:
+    """A recording of a version whose state had no `q`."""
+    share = shutil.copytree(MESSAGES, tmp_path / "rabbit_msgs")
+    (share / "msg" / "RobotState.msg").write_text("uint32 episode\nuint32 tick\nfloat64 angle\n")
+    types = graph_types([share])
+    writer = BagWriter(tmp_path / "bag", types)
+    writer.add("/state", "rabbit_msgs/msg/RobotState", [])
+    state = types.types["rabbit_msgs/msg/RobotState"](episode=1, tick=0, angle=0.0)
+    writer.write("/state", 0, bytes(types.serialize_cdr(state, "rabbit_msgs/msg/RobotState")))
+    writer.close()
+    done = CliRunner().invoke(app, ["plot", str(tmp_path / "bag")])
+    assert (done.exit_code, done.stderr.count("\n")) == (2, 1), done.output
+    assert "other message definitions" in done.stderr

@@ -121,15 +121,6 @@ def test_a_push_acts_at_the_torsos_centre_of_mass(engine, random_state, truth):
     assert np.abs(impulse - expected).max() < 0.02 * expected[0]
 
 
-def test_robot_parts_but_feet_collide_with_nothing(engine):
-    """With its hips below the ground's top and its feet above any ground there is no force."""
-    q = np.array([0, -0.3, 0, np.pi - 0.3, 0.2, np.pi + 0.3, -0.2])
-    with world(engine, SimulationParameters(), q, np.zeros(7), [Span(-0.05, 0.05)]) as plant:
-        assert plant.observe().foot_position[:, 1].min() > 0.2
-        plant.advance(np.zeros(4))
-        assert not plant.observe().foot_force.any()
-
-
 @pytest.mark.parametrize("changes", [{}, PERTURBED])
 @pytest.mark.parametrize("seed", range(3))
 def test_stance_follows_the_pinned_model(engine, truth, changes, seed):
@@ -153,17 +144,6 @@ def test_stance_follows_the_pinned_model(engine, truth, changes, seed):
     size = np.abs(expected.foot_force).max()
     assert np.abs(measured.foot_force - expected.foot_force).max() < 0.02 * size
     assert measured.contact.tolist() == expected.contact.tolist() == [True, False]
-
-
-def test_a_standing_foot_sinks_by_its_weight_over_its_stiffness(engine, truth):
-    robot = truth()
-    q, dq = standing(robot)
-    with world(engine, robot.parameters, q, dq, GROUND) as plant:
-        for _ in range(SETTLING_TICKS):
-            plant.advance(PRESSING)
-        reading = plant.observe()
-    sunk = reading.foot_force[Leg.LEFT, 1] / RUBBER_STIFFNESS
-    assert reading.foot_position[Leg.LEFT, 1] == pytest.approx(-sunk, rel=0.1)
 
 
 def column():

@@ -272,26 +272,3 @@ def test_a_short_step_falls_into_the_real_gap_and_misses_on_the_rigid_plant(engi
     assert bullet.stones[0][1] < short.l < bullet.stones[1][0]
     assert short.l == pytest.approx(missed.l, abs=0.005)
     assert abs(short.tick - missed.tick) <= 1
-
-
-@pytest.mark.parametrize(("plant", "tolerance"), [("rigid", 1e-12), ("pybullet", 1e-3), ("mujoco", 1e-3)])
-def test_a_change_goes_on_from_the_present_state(plant, tolerance):
-    """To the same parameters: the same motion, but for what an engine keeps of its last contact. To others: another."""
-    parameters = SimulationParameters(plant=plant)
-    heavy = parameters.model_copy(update={"mass_scale": 3.0})
-    ended = []
-    for changed in (None, parameters, heavy):
-        simulation = Simulation(parameters, GAIT)
-        simulation.reset(4)
-        for _ in range(4):
-            simulation.step(np.zeros(4))
-        if changed is not None:
-            simulation.change(changed)
-        stones = simulation.stones
-        for _ in range(4):
-            state = simulation.step(np.full(4, 10.0))
-        assert (state.tick, simulation.stones) == (8, stones)
-        ended.append(state.dq)
-        simulation.close()
-    assert np.abs(ended[1] - ended[0]).max() <= tolerance * np.abs(ended[0]).max()
-    assert np.abs(ended[2] - ended[0]).max() > 0.02 * np.abs(ended[0]).max()

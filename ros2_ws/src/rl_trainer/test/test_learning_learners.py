@@ -1,4 +1,4 @@
-"""The learners find errors that are known in closed form, from measured transitions alone."""
+"""The learners find errors that are known in closed form, from measured transitions alone; from a policy on."""
 
 import copy
 from collections.abc import Callable
@@ -9,7 +9,9 @@ import pytest
 import torch
 from rl_cbf_clf_controller.policy import ActorPolicy
 from rl_cbf_clf_controller.problem import Problem
-from rl_cbf_clf_controller.uncertainty import IO_RL_CLF_QP, RL_CBF_CLF_QP, RL_CLF_QP
+from rl_cbf_clf_controller.uncertainty import IO_RL_CLF_QP, PAPER, RL_CBF_CLF_QP, RL_CLF_QP
+from rl_cbf_clf_controller.weights import PROBE, PolicyFile, PolicyFileError
+from rl_trainer import training
 from rl_trainer.ddpg import Ddpg
 from rl_trainer.paper_ddpg import PaperDdpg
 from rl_trainer.parameters import TrainingParameters, paper_literal
@@ -127,3 +129,62 @@ def test_the_same_seed_gives_the_same_weights(random_transition: MakeTransition)
     assert versions[0] == versions[1]
     other = trained(TrainingParameters(hidden1=16, hidden2=12, seed=2), random_transition, 20)
     assert other.policy_file().version != versions[0]
+
+
+TINY = {"hidden1": 12, "hidden2": 9}
+
+
+def policy(parameters: TrainingParameters) -> PolicyFile:
+    """Random weights."""
+    trainer = Trainer(parameters)
+    torch.manual_seed(3)
+    for weight in trainer.learner.acting.parameters():
+        torch.nn.init.normal_(weight, std=0.3)
+    return trainer.policy_file()
+
+
+@pytest.mark.parametrize("problem", PAPER)
+@pytest.mark.parametrize("learner", ["ddpg", "paper_ddpg", "regression"])
+def test_it_begins_with_the_policys_weights(problem: Problem, learner: str) -> None:
+    parameters = TrainingParameters(problem=problem, learner=learner, **TINY)
+    given, trainer = policy(parameters), Trainer(parameters)
+    trainer.start_from(given)
+    mine = trainer.policy_file()
+    for name, array in given.arrays.items():
+        np.testing.assert_allclose(mine.arrays[name], array, atol=1e-6 if name == PROBE else 0)
+
+
+def test_the_policy_stays_until_the_critic_has_learned(
+    monkeypatch: pytest.MonkeyPatch, random_transition: Callable[..., Transition]
+) -> None:
+    monkeypatch.setattr(training, "CRITIC_FIRST", 6)
+    parameters, rng = TrainingParameters(batch=8, **TINY), np.random.default_rng(0)
+    given, trainer = policy(parameters), Trainer(parameters)
+    trainer.start_from(given)
+    for _ in range(20):
+        trainer.replay.add(random_transition(parameters.problem, rng))
+    same = []
+    for _ in range(9):
+        trainer.learn(1)
+        same.append(np.array_equal(trainer.policy_file().arrays["0.weight"], given.arrays["0.weight"]))
+    assert same == [True] * 6 + [False] * 3
+
+
+@pytest.mark.parametrize(
+    ("changes", "word"),
+    [
+        ({"problem": RL_CLF_QP}, "problem"),
+        ({"observe_l_min": False}, "observation"),
+        ({"structured": False}, "structured"),
+        ({"alpha_scale": (1.0, 2.0, 3.0, 4.0, 5.0)}, "alpha_scale"),
+        ({"beta_scale": (1.0, 2.0, 3.0, 4.0, 5.0)}, "beta_scale"),
+        ({"hidden1": 13}, "hidden"),
+    ],
+)
+def test_a_policy_of_another_form_is_refused(changes: dict[str, Any], word: str) -> None:
+    given = policy(TrainingParameters(hidden1=10, hidden2=15))
+    trainer = Trainer(TrainingParameters(**({"hidden1": 10, "hidden2": 15} | changes)))
+    before = trainer.policy_file().version
+    with pytest.raises(PolicyFileError, match=word):
+        trainer.start_from(given)
+    assert trainer.policy_file().version == before
