@@ -1,20 +1,16 @@
 """Joint targets: PD on the reference, and what a network reads, of one robot and of N."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from rabbit_description.gait import load_gaits
 from rabbit_description.state import SWAP_TORQUE, Leg
 from rabbit_rivals.joint_targets import (
-    ACTIONS,
     KD,
     KP,
     JointTargetController,
     Memory,
     NetworkAbout,
     NetworkPolicy,
-    action_for,
     command,
     observe,
     reference_alone,
@@ -54,17 +50,6 @@ def test_without_an_action_it_is_pd_on_the_outputs() -> None:
         assert output.torque == pytest.approx(wanted if output.stance is Leg.LEFT else wanted[SWAP_TORQUE])
         state = simulation.step(output.torque)
     assert legs == {Leg.LEFT, Leg.RIGHT}
-
-
-def test_an_action_gives_the_torque_it_was_found_for_or_the_nearest() -> None:
-    rng = np.random.default_rng(1)
-    scene = SimpleNamespace(seen=SimpleNamespace(eta=0.3 * rng.standard_normal((200, 8))))
-    torque = rng.uniform(-200, 200, (200, ACTIONS))
-    action = action_for(scene, torque)
-    given, (least, most) = command(Memory.of(200), scene, action), (-np.ones((200, 4)), np.ones((200, 4)))
-    low, high = (command(Memory.of(200), scene, each) for each in (least, most))
-    assert given == pytest.approx(np.clip(torque, low, high))
-    assert 0.2 < (np.abs(action) < 1).mean() < 0.9
 
 
 @pytest.mark.parametrize("terrain", ["stones", "flat"])

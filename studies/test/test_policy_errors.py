@@ -57,15 +57,6 @@ def test_the_oracle_against_itself_is_exact(controller: str) -> None:
         assert list(each.values()) == [0, None if constant else 1, 1, 0, 0], name
 
 
-@pytest.mark.parametrize("controller", ["rl-cbf-clf-qp", "rl-clf-qp", "io-rl-clf-qp"])
-def test_the_zero_policy_has_an_error_of_one(controller: str) -> None:
-    own, oracle = (compare(assembly(controller, "zero"), walker, [1]) for walker in ("policy", "oracle"))
-    assert {each["error"] for walks in (own, oracle) for each in walks["quantities"].values()} == {1.0}
-    assert max(each["beta_r2"] or 0 for each in oracle["quantities"].values()) <= 0
-    if controller == "io-rl-clf-qp":  # true alpha: (2 - 1) I
-        assert oracle["quantities"]["y3"]["alpha_rms"] == pytest.approx(0.5)
-
-
 def test_the_first_ticks_after_an_impact_do_not_count() -> None:
     found = compare(assembly("rl-cbf-clf-qp", "oracle", plant="rigid"), "policy", [1, 2])
     assert [walk["landings"] for walk in found["walks"]] == [2, 2]

@@ -12,9 +12,8 @@ from rabbit_description.state import Array
 from rabbit_experiments.metrics import RunRow
 from rabbit_experiments.summary import Walks
 from rabbit_experiments.training_setup import training
-from rabbit_reproduce.controllers import CBF_CLF, CBF_CLF_ORACLE, CLF, IO_RL
+from rabbit_reproduce.controllers import CBF_CLF, CBF_CLF_ORACLE
 from rabbit_reproduce.feasibility import infeasible, measure
-from rabbit_reproduce.report import Verdict, judge, missing
 from rabbit_reproduce.training import SHIPPED, TrainingJob, read_log, recipes, retrain, training_job
 from rl_cbf_clf_controller.uncertainty import RL_CLF_QP
 from rl_cbf_clf_controller.weights import policy_path, read
@@ -33,17 +32,6 @@ def walks(*stones: int, of: int = 20) -> Walks:
         for n in stones
     ]
     return Walks(rows)
-
-
-@given(st.dictionaries(st.text(min_size=1), st.booleans(), min_size=1), st.booleans())
-def test_verdict_by_parts(parts: dict[str, bool], nominal: bool) -> None:
-    verdict = judge(parts, nominal)
-    if all(parts.values()):
-        assert verdict is (Verdict.NOTHING if nominal else Verdict.REPRODUCED)
-        assert missing(parts) == ""
-    else:
-        assert verdict is (Verdict.PARTLY if any(parts.values()) else Verdict.NOT)
-        assert missing(parts).startswith("not: ")
 
 
 @pytest.mark.parametrize(("walked", "passes"), [(10, True), (9, True), (8, False), (0, False)])
@@ -98,11 +86,6 @@ def test_fewer_rows_are_not_less_feasible_and_all_judges_see_all_ticks() -> None
     assert found.safety[0] == found.safety[1]
     assert all(0 <= safety <= every <= found.ticks for safety, every in zip(found.safety, found.all, strict=True))
     assert found.safety[0] == found.safety[2]  # at scale 1 there is nothing to correct
-
-
-def test_a_judge_whose_rows_are_not_in_mu_alone_is_refused() -> None:
-    with pytest.raises(ValueError, match="io-rl-clf-qp: expected"):
-        measure(CLF.assembly(stones=1), (IO_RL.assembly(stones=1),), 1)
 
 
 PARAMETERS = TrainingParameters(problem=RL_CLF_QP, seed=4, episodes=1)

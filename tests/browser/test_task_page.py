@@ -1,15 +1,10 @@
 """A task of one's own in a real browser: it rides, its controls act, and its file opens from disk."""
 
-import json
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from chromium import Chromium
-from own_systems.page import show
-from rabbit_description.task_source import load_task
-from rl_cbf_clf_controller.task_controller import TaskController
-from rl_trainer.task_episode import ride_of
 from served import Served
 
 CART_POLE = str(Path(__file__).resolve().parents[2] / "examples" / "cart_pole.py")
@@ -47,20 +42,4 @@ def test_a_task_rides_and_a_person_changes_it(chromium: Chromium, played: str) -
     page.click("#things button")
     page.wait("!document.querySelector('#why').hidden")
     assert "row     asks" in page.look("document.querySelector('#why pre').textContent")
-    assert page.errors == []
-
-
-def test_a_ride_in_one_file(chromium: Chromium, tmp_path: Path) -> None:
-    ride = ride_of(TaskController(load_task(CART_POLE)), "oracle", 3)
-    show(ride, 0, False, tmp_path / "ride.html")
-    page = chromium.open((tmp_path / "ride.html").as_uri(), offline=True)
-    page.wait("rabbit.state.pictures > 5")
-    page.look("rabbit.clock.seek(500)")
-    page.wait("rabbit.state.drawn === 500")
-    assert page.look(INK % 0) > 3
-    shown = page.look("rabbit.state.walk.walkers[0].get(500, 'wall')")
-    assert shown == pytest.approx(ride.moments[500].output.barriers[0], abs=1e-6)
-    assert page.look("document.querySelector('h1').textContent") == f"RABBIT {ride.title}"
-    found = page.look("JSON.stringify(rabbit.state.scenes[0].box)")
-    assert json.loads(found)[2] >= 2.0  # the wall
     assert page.errors == []

@@ -85,15 +85,3 @@ def test_what_is_changed_acts(chromium: Chromium, address: str) -> None:
     page.click("#reset")
     page.wait("rabbit.state.walk.walkers.length === 1")
     assert page.errors == []
-
-
-def test_a_link_holds_the_papers_comparison(chromium: Chromium, address: str) -> None:
-    page = chromium.open(address)
-    page.wait(WALKS)
-    page.click("#words a")
-    page.wait("rabbit.state.ended[1]?.outcome === 'fall'")
-    assert settings(page)["second"] == "nominal, same gain"
-    assert page.look("rabbit.state.walk.walkers[0].touchdowns") > 0
-    other = chromium.open(f"{address}#mass_scale=9")
-    other.wait("rabbit.state.refused === 1")
-    assert other.look("document.getElementById('notice').textContent") == "mass_scale = 9: expected 0.5 to 3"

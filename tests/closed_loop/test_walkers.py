@@ -10,7 +10,6 @@ import pytest
 from cbf_clf_qp import Clf, System
 from cbf_clf_qp.functions import NumpyFunction
 from own_systems import ControlTask, Impact, Limit, TaskError
-from own_systems.recording import recorded_ride, write_ride
 from planar_robot import PlanarPlant, dynamics_of
 from rabbit_description import URDF_PATH
 from rabbit_description.planar_urdf import scaled
@@ -57,14 +56,6 @@ def test_a_ball_bounces_by_its_closed_form():
             assert impacts == n
             assert x == pytest.approx([rate * since - GRAVITY * since**2 / 2, rate - GRAVITY * since], abs=1e-9)
     assert impacts == 2
-
-
-def test_an_episode_is_done_after_its_impacts_and_failed_without_them():
-    ride = ride_of(TaskController(ball(impacts=2)), "nominal", 1)
-    assert (ride.outcome, ride.impacts) == ("done", 2)
-    assert ride.moments[-1].state.touchdowns == 1
-    late = ride_of(TaskController(ball(impacts=3, duration=1.5)), "nominal", 1)
-    assert (late.outcome, late.impacts, len(late.moments)) == ("failed", 2, 30)
 
 
 def floating(walker, x):
@@ -196,11 +187,9 @@ def test_a_foot_beside_its_stone_finds_no_ground(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "text"),
     [
-        ("urdf: three_link_walker.urdf", "urdf: nosuch.urdf", "No such file"),
         ("{hip: right_hip,", "{knee: right_hip,", "expected foot and joints by the same names"),
         ("phase_range: [-0.2527,", "phase_range: [0.2527,", "expected a sum that grows"),
-        ("limit: 100", "limit: -1", "limit"),
-        ("limit: 100", "limits: 100", "limits"),
+        ("limit: 100", "limits: -1", "limits"),
         ("limit: 100", "limit: 100\nstones: {nearest: 0.4, farthest: 0.3}", "expected nearest <= farthest"),
     ],
 )
@@ -215,7 +204,7 @@ def test_a_wrong_file_is_one_line(tmp_path, old, new, text):
     assert "\n" not in str(error.value)
 
 
-def test_a_failure_names_its_limit(tmp_path):
+def test_a_failure_names_its_limit():
     """Each limit in turn is set to where the three-link walker passes it first."""
     walker = read_walker(EXAMPLES / "three_link_walker.yaml")
     ride = ride_of(TaskController(replace(walker.task, impacts=10)), "nominal", 5)
@@ -228,5 +217,3 @@ def test_a_failure_names_its_limit(tmp_path):
     ended = ride_of(TaskController(high), "oracle", 5)
     assert (ended.outcome, len(ended.moments)) == ("failed", 1)
     assert re.fullmatch(r"hip = 0\.9\d+: expected at least 2 m", ended.reason)
-    write_ride(ended, tmp_path / "bag", None)
-    assert recorded_ride(high, tmp_path / "bag").reason == ended.reason

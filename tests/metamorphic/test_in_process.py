@@ -24,12 +24,6 @@ def with_used_parts(run: Run, other: Run) -> Digits:
         return digits(run, parts)
 
 
-def after_another(run: Run, other: Run) -> Digits:
-    """When the process has walked another run."""
-    digits(other)
-    return digits(run)
-
-
 def rehearsed(run: Run, other: Run) -> Digits:
     """By a controller that was made ready as the node makes its own."""
     with run.parts() as parts:
@@ -105,7 +99,6 @@ def replayed(run: Run, other: Run) -> Digits:
 
 ROADS = (
     with_used_parts,
-    after_another,
     rehearsed,
     read_late,
     interleaved,

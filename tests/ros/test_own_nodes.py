@@ -2,7 +2,6 @@
 
 import math
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -22,7 +21,6 @@ from rabbit_description.force_ratio import force_ratio
 from rabbit_description.state import ACTUATED
 from rabbit_recording.contents import contents
 from rabbit_recording.reader import read_episodes
-from rabbit_viewer.geometry import feet
 from rl_cbf_clf_controller.ros.robot_controller import yaw_of
 from rl_trainer.rollout import Record
 from tf2_msgs.msg import TFMessage
@@ -89,15 +87,10 @@ def test_a_controller_of_another_package_walks(tmp_path: Path, package: dict[str
     assert (episode.outcome, episode.controller, len(episode.landings)) == ("walked", "pd", 3)
     assert {record.output.stance for record in episode.records} == {0, 1}
     for (row,) in client.rows:
-        record = episode.records[int(row["tick"])]
-        shown = [[row[f"{side}_foot_{axis}"] for axis in "xz"] for side in ("left", "right")]
-        np.testing.assert_allclose(shown, feet(record.state.q[None])[0], atol=1e-6)
         assert math.isnan(row["V"])
-        assert row["F_N"] == np.float32(record.state.foot_force[record.output.stance, 1])
     assert client.rows
     assert client.words["about"]["walkers"][0]["name"] == "pd"
     assert {"walk.mp4", "walk.gif", "records.npz", "summary.json"} <= {path.name for path in folder.iterdir()}
-    assert_shown_and_checked(shutil.copytree(folder / "recording", tmp_path / "copy"))
 
 
 def test_a_controller_and_a_simulator_of_ones_own_are_shown_and_recorded(tmp_path: Path, world: Any) -> None:

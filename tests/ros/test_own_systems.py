@@ -2,10 +2,6 @@
 
 import copy
 import dataclasses
-import json
-import subprocess
-import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -30,10 +26,7 @@ from std_srvs.srv import SetBool
 from untrained_policy import policy_file, policy_metadata
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
-STAND_IN = Path(__file__).parents[1] / "shared" / "teleoperated_arm.py"
 SEED = 3
-# m, that may be missing: the obstacle's acceleration, which nobody publishes, over the product of the barrier's poles
-MARGIN = 0.2 * 1.6**2 / 18**2
 
 
 def path_of(name: str) -> str:
@@ -123,36 +116,6 @@ def test_a_policy_is_swapped_between_two_ticks(world: Any) -> None:
     assert len(got) > swap.tick
     assert got == expected
     assert [each.policy_version == fit.version for each in rest] == [each.tick >= swap.tick for each in rest]
-
-
-@pytest.fixture
-def arm(world: Any) -> Iterator["subprocess.Popen[str]"]:
-    """The teleoperated arm, in a process of its own."""
-    words = (
-        sys.executable,
-        STAND_IN,
-        json.dumps({"task": path_of("obstacle_arm"), "seed": 0, "commands": 1000, "held": 10}),
-    )
-    space = ("--ros-args", "-r", f"__ns:=/{world.namespace}")
-    process = subprocess.Popen([*words, *space], stdout=subprocess.PIPE, text=True)
-    yield process
-    process.kill()
-    process.wait()
-
-
-def test_a_teleoperated_arm_cannot_be_driven_into_the_obstacle(world: Any, arm: "subprocess.Popen[str]") -> None:
-    """1,000 random postures; the obstacle moves, its place and speed are published; the payload is known."""
-    stale = dict.fromkeys(("stale", "stale_parameters", "stale_wanted"), 10.0)
-    said = world.hear("diagnostics")
-    start(world, "controller", "robot_controller", task=path_of("obstacle_arm"), policy="oracle", filters=True, **stale)
-    world.wait(lambda: any(s.level == s.OK for m in said for s in m.status if s.name.endswith("/controller")))
-    assert world.ask(SetBool, "pause", data=False).success
-    out, _ = arm.communicate(timeout=400)
-    seen = json.loads(out)
-    print(seen)
-    assert seen["ticks"] == 10_000
-    assert seen["least"] > -MARGIN
-    assert seen["unfiltered"] < -0.1  # the same commands without the filter
 
 
 ROVER = """

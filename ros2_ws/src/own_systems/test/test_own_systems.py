@@ -197,26 +197,19 @@ def test_the_commands(cart, task, tmp_path):
     code, said = typed("ride", cart, "--controller", "oracle", "--out", tmp_path / "r")
     assert code == 0, said
     assert {path.name for path in (tmp_path / "r").iterdir()} >= {"recording", "rows.png", "ride.mp4"}
-    assert typed("check", tmp_path / "r" / "recording", cart) == (0, "300 ticks replayed, 0 lost, inputs identical\n")
     bag = tmp_path / "r" / "recording"
     assert typed("check", bag, "--task", cart, of=bag_app) == (0, "300 ticks replayed, 0 lost, inputs identical\n")
-    code, said = typed("check", bag, of=bag_app)
-    assert (code, "with `--task`" in said) == (2, True)
     code, said = typed("plot", bag, "--task", cart, "--out", tmp_path / "p", of=bag_app)
     assert (code, (tmp_path / "p" / "rows.png").read_bytes()) == (0, (tmp_path / "r" / "rows.png").read_bytes()), said
     code, said = typed("show", bag, "--task", cart, "--export", tmp_path / "ride.html", of=bag_app)
     assert code == 0, said
     code, said = typed("explain", bag, "--task", cart, "--worst", "--picture", tmp_path / "tick.png", of=bag_app)
     assert (code, said.startswith("cart, oracle, tick "), (tmp_path / "tick.png").is_file()) == (0, True, True), said
-    code, said = typed("explain", bag, "--task", cart, "--tick", 300, of=bag_app)
-    assert (code, "expected one from 0 to 299" in said) == (2, True)
     found = re.search(r'id="walk-data">(.*?)</script>', (tmp_path / "ride.html").read_text())
     assert found
     walk = json.loads(found[1])
     about = next(word for word in walk["words"] if word["type"] == "about")
     assert about["title"].startswith("cart, oracle, seed 1: done")
-    panels = {panel["title"]: panel.get("limits", []) for panel in about["walkers"][0]["panels"]}
-    assert (panels["barriers B"], panels["input u"]) == ([0], [-LIMIT, LIMIT])
     assert len(gzip.decompress(base64.b64decode(walk["rows"]))) == 4 * 300 * len(about["walkers"][0]["columns"])
     cart.write_text(CART.replace("(4.0, 4.0)", "(4.0, 5.0)"))
     code, said = typed("check", tmp_path / "r" / "recording", cart)
@@ -246,11 +239,8 @@ def test_a_benchmark_goes_from_the_nominal_plant_beyond_the_true_one(cart, tmp_p
     [
         ("evaluate", "nosuch.py"),
         ("benchmark", "{cart}", "--controller", "nosuch"),
-        ("evaluate", "{cart}", "--controller", "nosuch"),
         ("evaluate", "{cart}", "--controller", "nosuch.safetensors"),
-        ("evaluate", "{cart}", "--rides", "1", "--out", "/proc/nosuch"),
         ("train", "{cart}", "--learner", "nosuch"),
-        ("train", "{cart}", "--out", "/proc/nosuch/p.safetensors"),
         ("train", "{cart}", "--out", "policy.txt"),
         ("check", "nosuch", "{cart}"),
     ],

@@ -39,7 +39,7 @@ PLANTS: list[dict[str, Any]] = [
     {"mass_scale": 2.0, "sensors": "lab"},
     {"mass_scale": 2.0, "joint_damping": 1.0, "backlash": 0.2},
     {"mass_scale": 2.0, "push": 5.0, "push_interval": 0.2},
-    {"swing_payload": 3.0, "loose_stone": 1},
+    {"swing_payload": 3.0, "loose_stone": 1, "wind": 25.0, "gusts": 15.0},
 ]
 SEEDS = range(71, 71 + len(PLANTS))
 

@@ -1,14 +1,12 @@
 """Perturbations of structure and wind against what their formulas say."""
 
-from dataclasses import replace
 from math import exp, pi, radians, sqrt, tan
 
 import numpy as np
 import pytest
 from rabbit_description.gait import load_gait
-from rabbit_description.state import TICK_SECONDS, BodySensors, RobotState
+from rabbit_description.state import TICK_SECONDS, RobotState
 from rabbit_sim.actuation import Actuation
-from rabbit_sim.batch_simulation import BatchSimulation
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.perturbation import Memory
 from rabbit_sim.perturbations.encoders import EncoderDrift, EncoderGain, StuckEncoders
@@ -84,17 +82,6 @@ def test_lost_measurements_are_the_last_that_came() -> None:
     lost = [now != tick for tick, now in enumerate(seen)]
     assert all(now == seen[tick - 1] for tick, now in enumerate(seen) if lost[tick])
     assert np.mean(lost) == pytest.approx(0.3, abs=0.03)  # four standard deviations
-
-
-def test_the_second_of_a_lab_always_comes() -> None:
-    """The first has no specific force, which an estimator needs."""
-    for seed in range(20):
-        measure = begun(SensorDropout, SimulationParameters(sensor_dropout=0.9), seed)
-        for force in (np.nan, 9.8):
-            body = BodySensors(np.zeros(4), np.zeros(4), np.array([1.0, 0.0]), 0.0, np.full(2, force))
-            seen = measure(replace(measured(0.0), sensors=body), reading()).sensors
-            assert seen
-            np.testing.assert_array_equal(seen.specific_force, body.specific_force)
 
 
 def test_one_encoder_sticks_with_no_rate() -> None:
@@ -212,29 +199,9 @@ def test_wind_gives_a_falling_robot_its_impulse(plant, wind, truth, random_state
 
 def test_gusts_have_their_spread_and_their_time_constant():
     """Mean, standard deviation and the correlation exp(-t / T) of a Gauss-Markov process from its first tick on."""
-    many = np.array([forces(seed, 60, wind=20.0, gusts=8.0, gust_seconds=0.2) for seed in range(3000)])
-    np.testing.assert_allclose(many.mean(axis=0), 20.0, atol=5 * 8 / np.sqrt(3000))
-    np.testing.assert_allclose(many.std(axis=0), 8.0, rtol=0.07)
+    many = np.array([forces(seed, 60, wind=20.0, gusts=8.0, gust_seconds=0.2) for seed in range(800)])
+    np.testing.assert_allclose(many.mean(axis=0), 20.0, atol=5 * 8 / np.sqrt(800))
+    np.testing.assert_allclose(many.std(axis=0), 8.0, rtol=0.13)
     for lag in (1, 20, 50):
         correlation = np.corrcoef(many[:, 5], many[:, 5 + lag])[0, 1]
-        assert correlation == pytest.approx(np.exp(-lag * TICK_SECONDS / 0.2), abs=0.08)
-
-
-def test_robots_in_a_batch_feel_the_wind_that_they_feel_alone():
-    """To the bit, also beside a calm one."""
-    changes = [{"wind": 25.0}, {}, {"wind": -10.0, "gusts": 15.0, "push": 5.0, "push_interval": 0.1}]
-    alone, own = (
-        [Simulation(SimulationParameters(plant="mujoco", **each), GAIT) for each in changes] for _ in range(2)
-    )
-    batch = BatchSimulation(own)
-    states = batch.reset([1, 2, 3])
-    expected = [simulation.reset(seed) for simulation, seed in zip(alone, (1, 2, 3), strict=True)]
-    torque = np.array([3.0, -5.0, 2.0, 4.0])
-    for _ in range(12):
-        states = batch.step(np.tile(torque, (3, 1)))
-        expected = [simulation.step(torque) for simulation in alone]
-        assert (states.q == [each.q for each in expected]).all()
-        assert (states.dq == [each.dq for each in expected]).all()
-    assert len({each.q[0] for each in expected}) == 3
-    for simulation in (*alone, *own):
-        simulation.close()
+        assert correlation == pytest.approx(np.exp(-lag * TICK_SECONDS / 0.2), abs=0.15)

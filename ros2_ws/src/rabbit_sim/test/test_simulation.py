@@ -156,20 +156,6 @@ def test_flight_on_soft_ground_lasts_half_a_period_of_the_robot_on_it(play, stif
     assert play([air] * ticks, **soft)[1].outcome is Outcome.FLIGHT
 
 
-@pytest.mark.parametrize(
-    ("changes", "foot", "outcome"),
-    [
-        ({}, (0.0, -0.04), Outcome.FALL),  # it rolled off its rigid stone
-        ({"ground_stiffness": 2e4}, (0.0, -0.04), Outcome.RUNNING),  # it stands in its stone, the hip 0.72 m above it
-        ({"ground_stiffness": 2e4}, (0.0, -0.01), Outcome.FALL),
-        ({"ground_stiffness": 2e4}, (0.06, -0.04), Outcome.FALL),  # it is beside its stone
-    ],
-)
-def test_a_hips_height_counts_from_where_the_stance_foot_stands(play, changes, foot, outcome):
-    sunk = up(q=np.array([0, 0.68, 0.1, 0, 0, 0, 0]), feet=(foot, (0.2, 0.1)))
-    assert play([sunk], **changes)[1].outcome is outcome
-
-
 @pytest.mark.parametrize(("friction", "outcome"), [(0.8, Outcome.SLIP), (1.5, Outcome.RUNNING)])
 def test_slips_count_on_slippery_ground(play, friction, outcome):
     assert play([up(feet=((0.0051, 0), (0, 0)))], ground_friction=friction)[1].outcome is outcome

@@ -5,7 +5,6 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
-import casadi as ca
 import numpy as np
 import pytest
 from cbf_clf_qp.estimates import Estimates
@@ -13,7 +12,6 @@ from rabbit_description import DEFAULT_GAIT
 from rabbit_description.gait import load_gait
 from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, Leg, RobotState, StonePreview
 from rl_cbf_clf_controller.controller import Controller
-from rl_cbf_clf_controller.identification import lateness
 from rl_cbf_clf_controller.parameters import load_parameters
 from rl_cbf_clf_controller.policy import Policy, ZeroPolicy
 from rl_cbf_clf_controller.scene import ControllerError
@@ -236,17 +234,6 @@ def test_a_stone_stays_in_its_place_while_the_foot_falls_with_its_own(tracks):
     there, moved = (0.35, 0.40, 0.0), (0.34, 0.39, 0.02)
     expected = [there, moved, there, there, there] if tracks else [there] * 5
     assert np.array(seen) == pytest.approx(np.array(expected), abs=1e-12)
-
-
-@pytest.mark.parametrize(("late_torque", "margin"), [(0.37, 0.005), (0.47, 0.01), (0.8, 0.015)])
-def test_a_stone_gets_narrower_as_far_as_torque_is_found_late(late_torque, margin):
-    walking = make("rl-cbf-clf-qp", adaptation="identification", objective="pd_centred", late_margin=0.01)
-    walking.memory.known[walking.functions.known["lateness"][0]] = lateness(ca.DM(late_torque))
-    walking.step(state())
-    seen = make("rl-cbf-clf-qp", stone_margin=margin)
-    seen.step(state())
-    for name in ("B1_state", "B2_state"):
-        assert getattr(walking.scene.seen, name) == pytest.approx(getattr(seen.scene.seen, name), abs=1e-12)
 
 
 def test_nothing_is_measured_over_a_tick_in_which_a_gain_changed():

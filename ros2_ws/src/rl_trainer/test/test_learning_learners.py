@@ -10,7 +10,7 @@ import torch
 from rl_cbf_clf_controller.policy import ActorPolicy
 from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.uncertainty import IO_RL_CLF_QP, PAPER, RL_CBF_CLF_QP, RL_CLF_QP
-from rl_cbf_clf_controller.weights import PROBE, PolicyFile, PolicyFileError
+from rl_cbf_clf_controller.weights import PROBE, PolicyFile
 from rl_trainer import training
 from rl_trainer.ddpg import Ddpg
 from rl_trainer.paper_ddpg import PaperDdpg
@@ -168,23 +168,3 @@ def test_the_policy_stays_until_the_critic_has_learned(
         trainer.learn(1)
         same.append(np.array_equal(trainer.policy_file().arrays["0.weight"], given.arrays["0.weight"]))
     assert same == [True] * 6 + [False] * 3
-
-
-@pytest.mark.parametrize(
-    ("changes", "word"),
-    [
-        ({"problem": RL_CLF_QP}, "problem"),
-        ({"observe_l_min": False}, "observation"),
-        ({"structured": False}, "structured"),
-        ({"alpha_scale": (1.0, 2.0, 3.0, 4.0, 5.0)}, "alpha_scale"),
-        ({"beta_scale": (1.0, 2.0, 3.0, 4.0, 5.0)}, "beta_scale"),
-        ({"hidden1": 13}, "hidden"),
-    ],
-)
-def test_a_policy_of_another_form_is_refused(changes: dict[str, Any], word: str) -> None:
-    given = policy(TrainingParameters(hidden1=10, hidden2=15))
-    trainer = Trainer(TrainingParameters(**({"hidden1": 10, "hidden2": 15} | changes)))
-    before = trainer.policy_file().version
-    with pytest.raises(PolicyFileError, match=word):
-        trainer.start_from(given)
-    assert trainer.policy_file().version == before

@@ -61,23 +61,6 @@ def test_replay_drops_the_oldest(random_transition: MakeTransition) -> None:
     assert (len(replay), replay.added) == (5, 8)
 
 
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {"failure_penalty": 1.0},
-        {"alpha_scale": (1.0,)},
-        {"beta_scale": (1.0, 1, 1, 1, -1)},
-        {"batch": 0},
-        {"sigma_factors": ()},
-        {"measurement": "none"},
-        {"speed": 1},
-    ],
-)
-def test_parameters_that_do_not_fit_are_named(changes: dict[str, Any]) -> None:
-    with pytest.raises(ValueError, match=next(iter(changes))):
-        TrainingParameters.model_validate(changes)
-
-
 @pytest.mark.parametrize("problem", PAPER)
 @pytest.mark.parametrize("structured", [True, False])
 @pytest.mark.parametrize("observe_l_min", [True, False])
