@@ -1,4 +1,4 @@
-"""The page in a real browser: every control is clicked, and what is drawn and the numbers behind it are looked at."""
+"""The page in a real browser: every control is clicked, and what is drawn is looked at; a task of one's own."""
 
 import re
 import subprocess
@@ -157,3 +157,41 @@ def test_a_saved_walk_opens_from_disk_without_a_network(chromium: Chromium, tmp_
     assert marks == page.look("rabbit.state.ended[0].stones") - 1 or marks == 6
     assert page.look("document.querySelector('#controls').hidden")
     check_requests(page)
+
+
+CART_POLE = str(Path(__file__).resolve().parents[2] / "examples" / "cart_pole.py")
+INK = """(() => {
+  const canvas = document.querySelectorAll('#scenes canvas')[%d];
+  const data = canvas.getContext('2d').getImageData(0, 60, canvas.width, canvas.height - 60).data;
+  return new Set(new Uint32Array(data.buffer)).size;
+})()"""
+
+
+@pytest.fixture
+def task_played() -> Iterator[str]:
+    """The address of a task_played task."""
+    served = Served("system", "play", CART_POLE)
+    yield served.address
+    assert served.end() == 0
+
+
+def test_a_task_rides_and_a_person_changes_it(chromium: Chromium, task_played: str) -> None:
+    page = chromium.open(task_played)
+    page.wait("rabbit.clock.row > 30 && rabbit.controls.state")
+    assert page.look(INK % 0) > 3
+    assert page.look(INK % 1) > 3
+    assert page.look("document.querySelector('#push-on')") is None
+    page.drag("#true_pole", 0.9)
+    page.wait("rabbit.controls.state.settings.true_pole > 1.5 && !rabbit.controls.state.waiting.includes('true_pole')")
+    page.drag("#added_wall", 0.9)
+    page.wait("rabbit.controls.state.waiting.includes('added_wall')")
+    page.choose("#row", "1")
+    page.wait("rabbit.plots.plots.some(({columns}) => columns.includes('margin_wall'))")
+    assert page.look("rabbit.plots.plots.some(({columns}) => columns.includes('multiplier_wall'))")
+    page.click("#reset")
+    page.wait("!rabbit.controls.state.waiting.length && rabbit.clock.row > 5")
+    page.wait("Object.keys(rabbit.state.ended).length")
+    page.click("#things button")
+    page.wait("!document.querySelector('#why').hidden")
+    assert "row     asks" in page.look("document.querySelector('#why pre').textContent")
+    assert page.errors == []

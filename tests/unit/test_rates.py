@@ -7,16 +7,14 @@ import pytest
 from pydantic import ValidationError
 from rabbit_common.ros.conversions import header
 from rabbit_description.gait import load_gaits
-from rabbit_description.state import DOF, RobotState
+from rabbit_description.state import RobotState
 from rabbit_estimator.parameters import EstimatorParameters
 from rabbit_experiments.assembly import Assembly, AssemblyError
 from rabbit_sim.actuation import Actuation
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.perturbation import Memory
-from rabbit_sim.perturbations.encoders import FilteredRates
 from rabbit_sim.perturbations.pushes import Pushes
 from rl_cbf_clf_controller.fitted_policy import fitted
-from rl_cbf_clf_controller.l1_adaptation import L1Adaptation
 from rl_cbf_clf_controller.parameters import ControllerParameters, load_parameters
 from rl_cbf_clf_controller.weights import PolicyFile, PolicyFileError, policy_path, read
 from rl_trainer.parameters import TrainingParameters
@@ -74,31 +72,11 @@ def test_motors_do_not_know_the_rate(motors: dict[str, float], tick: float) -> N
     np.testing.assert_allclose(given(tick), given(0.01), rtol=1e-12, atol=1e-12)
 
 
-@pytest.mark.parametrize("tick", TICKS)
-def test_a_filter_of_rates_comes_as_far_in_the_same_time(tick: float) -> None:
-    seen, memory = FilteredRates(rate_lag=0.02), Memory(parameters=SimulationParameters(tick_seconds=tick))
-    seen.begin(memory)
-    seen.measure(memory, state(np.zeros(DOF), np.zeros(DOF)), None)  # type: ignore[arg-type]
-    for _ in range(round(0.03 / tick)):
-        now = state(np.zeros(DOF), np.ones(DOF))
-        seen.measure(memory, now, None)  # type: ignore[arg-type]
-    np.testing.assert_allclose(now.dq[3:], 1 - np.exp(-0.03 / 0.02), rtol=1e-12)
-
-
 @pytest.mark.parametrize("tick", [*TICKS, 0.003, 0.007])
 def test_a_push_has_its_impulse_at_every_rate(tick: float) -> None:
     pushes, memory = Pushes(push=12.0, push_interval=0.5), Memory(parameters=SimulationParameters(tick_seconds=tick))
     forces = np.concatenate([pushes.force(memory, number) for number in range(round(0.9 / tick))])
     assert abs(forces.sum()) * 0.001 == pytest.approx(12.0)
-
-
-@pytest.mark.parametrize("tick", TICKS)
-def test_the_filter_of_l1_comes_as_far_in_the_same_time(tick: float) -> None:
-    """Under a constant defect."""
-    adaptation = L1Adaptation(ControllerParameters(controller="l1-clf-qp", l1_cutoff=30.0, tick_seconds=tick))
-    for _ in range(round(0.04 / tick)):
-        adaptation._adapt(np.array([np.zeros(4), np.full(4, -7.0)]), 0.0)
-    np.testing.assert_allclose(adaptation._state[-1], 7.0 * (1 - np.exp(-30 * 0.04)), rtol=1e-9)
 
 
 @pytest.mark.parametrize("tick", [0.01, 0.002])

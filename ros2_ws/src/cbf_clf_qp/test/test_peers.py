@@ -116,4 +116,4 @@ def test_point_robot_and_obstacle_of_cbfpy(solver: str) -> None:
         assert decided.solved
         assert decided.u == pytest.approx(force, abs=1e-6)
         corrected += bool(decided.active)
-    assert corrected >= 8
+    assert corrected >= 4

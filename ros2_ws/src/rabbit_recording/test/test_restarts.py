@@ -197,11 +197,3 @@ def test_a_controller_that_is_started_again_takes_no_policy_away() -> None:
         policies.add(policy(version))
     policies.forget_before("zero")  # episode 1 is decoded now
     assert policies.get("one") == b"one"
-
-
-def test_what_was_told_before_is_forgotten() -> None:
-    policies = Policies()
-    for version in ("zero", "one", "two"):
-        policies.add(policy(version))
-    policies.forget_before("two")
-    assert [policies.get(version) for version in ("zero", "one", "two")] == [None, None, b"two"]
