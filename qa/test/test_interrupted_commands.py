@@ -18,6 +18,7 @@ from typing import Any
 
 import pytest
 from rabbit_description.atomic_file import PARTIAL
+from rl_cbf_clf_controller.weights import read
 
 RABBIT = (sys.executable, "-c", "from rabbit_bringup.cli import main; main()")
 SIGNALS = {"INT": signal.SIGINT, "TERM": signal.SIGTERM, "KILL": signal.SIGKILL}
@@ -34,6 +35,8 @@ def table(name: str, out: Path) -> list[dict[str, str]]:
     return [{key: value for key, value in row.items() if not any(word in key for word in TIMES)} for row in rows]
 
 
+TRAINING = ("--problem", "rl-clf-qp", "--episodes", "4", "--nominal-episodes", "1", "--walking-steps", "1")
+TRAINING += ("--batch", "8", "--updates-least", "40", "--updates-per-tick", "0")
 CELL = ("--cells", "stones/scale-2", "--courses", "2")
 COMMANDS: dict[str, tuple[tuple[str, ...], Callable[[Path], Any]]] = {
     "evaluate": (
@@ -42,8 +45,9 @@ COMMANDS: dict[str, tuple[tuple[str, ...], Callable[[Path], Any]]] = {
     ),
     "benchmark": (("nominal", *CELL, "--jobs", "2"), partial(table, "benchmark.csv")),
     "gait": (("--name", "g", "--intervals", "10"), lambda out: (out / "g.yaml").read_bytes()),
+    "train": (TRAINING, lambda out: {name: a.tobytes() for name, a in read(out / "policy.safetensors").arrays.items()}),
 }
-EACH = [pytest.param(name, marks=() if name == "evaluate" else pytest.mark.slow) for name in COMMANDS]
+EACH = [pytest.param(name, marks=() if name in ("evaluate", "train") else pytest.mark.slow) for name in COMMANDS]
 
 
 def start(name: str, out: Path, mark: str = "", *more: str) -> "subprocess.Popen[str]":

@@ -7,7 +7,7 @@ import pytest
 from rabbit_benchmark.cells import cells, chosen, storm, storm_plant
 from rabbit_benchmark.commands.benchmark import app
 from rabbit_benchmark.comparison import holm, paired
-from rabbit_benchmark.methods import BUILT_IN, method
+from rabbit_benchmark.methods import BUILT_IN
 from rabbit_benchmark.protocol import SEEDS, Protocol, plan
 from rabbit_benchmark.report import Benchmark
 from rabbit_experiments.cache import Cache
@@ -54,17 +54,6 @@ def test_the_storm_is_drawn_by_its_seed_within_its_ranges() -> None:
                 assert low <= value <= high
     assert "stone_height" not in storm().on("flat")
     assert cells()["flat/storm"].courses(10) == 100
-
-
-def test_methods_share_courses_and_cells_do_not() -> None:
-    nominal, identified = method("nominal"), method("identified")
-    one, other = chosen(["flat/scale-1", "flat/scale-2"])
-    seeds = {
-        (name, cell.name): [walk.seed for walk in TINY.walks(each, cell)]
-        for name, each in (("nominal", nominal), ("identified", identified))
-        for cell in (one, other)
-    }
-    assert seeds["nominal", one.name] == seeds["identified", one.name] != seeds["nominal", other.name]
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,6 @@ from rabbit_gait_design.speed_model.fit import errors, fitted, without_mean
 from rabbit_gait_design.speed_model.walks import Steps, exploring_walks
 from rl_cbf_clf_controller.parameters import load_parameters
 from rl_cbf_clf_controller.step_paths import GaitExpressions, Shape, StepPath, gait_row
-from rl_cbf_clf_controller.virtual_constraints import gradual_line
 
 LIBRARY = load_gaits("wide")
 assert isinstance(LIBRARY, GaitLibrary)
@@ -66,23 +65,6 @@ def test_a_step_begins_as_one_gait_and_ends_as_the_other(taken: float, wanted: f
         ends = (np.diff(each.coeffs, order)[:, -1] for each in (path, last))
         np.testing.assert_allclose(*begins, atol=1e-12)
         np.testing.assert_allclose(*ends, atol=1e-12)
-
-
-def line_at(x: float) -> tuple[float, ...]:
-    """g and its two derivatives."""
-    return tuple(float(ca.evalf(each)) for each in gradual_line(ca.SX(x)))
-
-
-def test_the_descent_begins_gradually() -> None:
-    """Its value, slope and curvature begin with 0; each is the derivative of the one before; the slope goes to 1."""
-    assert line_at(0.0) == line_at(-0.3) == pytest.approx((0, 0, 0), abs=1e-14)
-    h = 1e-6
-    for x in (0.01, 0.05, 0.2):
-        (value, slope, curvature), before, after = line_at(x), line_at(x - h), line_at(x + h)
-        assert (after[0] - before[0]) / (2 * h) == pytest.approx(slope, abs=1e-6)
-        assert (after[1] - before[1]) / (2 * h) == pytest.approx(curvature, abs=1e-6)
-        assert value < x
-    assert line_at(1.0)[1] == pytest.approx(1.0, abs=1e-6)
 
 
 TRUTH = np.array([0.6, -0.05, 0.15, -0.03])

@@ -25,16 +25,6 @@ def test_with_all_transitions_it_is_the_exact_posterior() -> None:
     assert v @ covariance @ v == pytest.approx(prior - row @ inverse @ row, abs=1e-4)
 
 
-def test_without_noise_it_goes_through_the_transitions() -> None:
-    kernel, x, w, z = data(noise=1e-3)
-    posterior = Posterior(kernel, x, w, z, np.arange(N))
-    for i in range(N):
-        mean, covariance = posterior.at(x[i])
-        v = np.array([1.0, *w[i]])
-        assert v @ mean == pytest.approx(z[i], abs=5e-3)
-        assert 0 <= v @ covariance @ v < 1e-4
-
-
 def test_a_few_inducing_transitions_still_know_all_and_far_away_the_prior_holds() -> None:
     kernel, x, w, z = data()
     posterior = Posterior(kernel, x, w, z, spread(kernel, x, w, 15))

@@ -37,13 +37,6 @@ def test_the_true_probabilities_are_found() -> None:
     assert sum(each.holds for each in judgement.bins) >= len(judgement.bins) - 1
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_the_mean_probability_is_the_rate_of_misses_in_what_was_fitted(seed: int) -> None:
-    """The likelihood's derivative by the bias, zero at the fit, is the sum of p less that of the misses."""
-    rows, missed, _ = drawn(seed)
-    assert MissProbability.fitted(rows, missed, "").at(rows).mean() == pytest.approx(missed.mean(), rel=1e-3)
-
-
 def test_the_features_are_those_of_the_landings() -> None:
     """Step lengths, stones and times as the simulator counts them."""
     tuning = load_parameters("best")

@@ -1,34 +1,56 @@
 """`rabbit reproduce`: a tiny experiment to its files, the commands of its rows, the same courses for all."""
 
 import shlex
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+from matplotlib.figure import Figure
 from rabbit_experiments.commands import evaluate as evaluate_module
 from rabbit_reproduce.catalogue import EXPERIMENTS
 from rabbit_reproduce.catalogue.higher_gain import ENGINES, WHO, HigherGain
 from rabbit_reproduce.command_lines import evaluate_command
-from rabbit_reproduce.commands.reproduce import app
+from rabbit_reproduce.controllers import CBF_CLF, CBF_CLF_ORACLE
+from rabbit_reproduce.curves import tracking_figure
 from rabbit_reproduce.experiment import Experiment
 from rabbit_reproduce.page import make
-from rabbit_reproduce.report import RUNS, read_rows
-from rabbit_reproduce.table_lines import COLUMNS, FULL, QUICK, Line, Size
-from typer.testing import CliRunner, Result
+from rabbit_reproduce.report import RUNS, Claim, judge, read_rows
+from rabbit_reproduce.table_lines import COLUMNS, FULL, QUICK, Found, Line, Size
+from typer.testing import CliRunner
 
-Maker = Callable[..., Experiment]
 LINES = [line for each in EXPERIMENTS for line in each.lines()]
 
 
-def rabbit(*words: object) -> Result:
-    """Call the command in this process."""
-    return CliRunner().invoke(app, [str(word) for word in words])
+class OneStone(Experiment):
+    """Nominal and oracle."""
+
+    name = "one-stone"
+    title = "One stone"
+    label = "fig:none"
+    paper = "Nothing."
+    shown = ("nominal",)
+
+    def __init__(self) -> None:
+        assembly, oracle = (each.assembly(stones=1) for each in (CBF_CLF, CBF_CLF_ORACLE))
+        self.by_key = {"nominal": Line("nominal", assembly, "walks"), "oracle": Line("oracle", oracle)}
+
+    def claims(self, found: Found) -> list[Claim]:
+        """It walks."""
+        walks = found.walks(self.by_key["nominal"])
+        return [
+            Claim(
+                claim="it walks", paper="walks", ours=walks.text, verdict=judge({"walks": walks.walked == walks.runs})
+            )
+        ]
+
+    def figures(self, found: Found) -> dict[str, Figure]:
+        """One."""
+        return {"errors": tracking_figure({CBF_CLF: found.records(self.by_key["nominal"])})}
 
 
-def test_a_tiny_experiment_to_its_files(tmp_path: Path, one_stone: Maker, tiny: Size) -> None:
-    experiment = one_stone()
+def test_a_tiny_experiment_to_its_files(tmp_path: Path) -> None:
+    experiment, tiny = OneStone(), Size(quick=True, runs=2, beside=1)
     page, done = make([experiment], tiny, tmp_path, ["one-stone"])
     at_its_best = 2 + 1  # on the plants that claims are judged on
     assert done == len(experiment.jobs(tiny)) == 2 * (2 + 3) + 1 + at_its_best

@@ -4,7 +4,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
 import pytest
 from rabbit_experiments.assembly import Assembly, resolve_policy
 from rabbit_experiments.evaluation import episode, walk
@@ -178,18 +177,3 @@ def test_aimed_at_the_near_edge_the_barriers_decide(wide: Callable[..., Assembly
     assert row.success
     assert row.barrier_active_steps == row.steps
     assert not walk(wide(stone_aim=0.0, barrier_rows=False), 0, seed=1).row.success
-
-
-def test_every_step_begins_without_error_towards_its_stone(wide: Callable[..., Assembly]) -> None:
-    simulation, controller = wide().build()
-    records: list[Record] = []
-    episode(simulation, controller, 1, records.append)
-    simulation.close()
-    steps = [record.output.step_index for record in records]
-    for index in set(steps):
-        first = records[steps.index(index)]
-        stone = first.state.preview
-        assert stone is not None
-        np.testing.assert_allclose(first.output.eta, 0.0, atol=1e-9)
-        assert first.output.observation.shape == (16,)
-        assert first.output.observation[15] == pytest.approx((stone.l_min + stone.l_max) / 2)

@@ -149,23 +149,12 @@ def test_the_graph_of_a_walk(world: Any) -> None:
     assert faults(world) == []
 
 
-PACKAGES = {"simulator": "rabbit_sim", "trainer": "rl_trainer"}  # the others: rl_cbf_clf_controller
-
-
-def start_own(world: Any, name: str, executable: str = "", **parameters: Any) -> None:
-    """A node of the graph, of the Segway."""
-    told = {"task": SEGWAY, **parameters}.items()
-    words = [word for each, value in told for word in ("-p", f"{each}:={value}")]
-    arguments = ("--ros-args", "-r", f"__ns:=/{world.namespace}", *words)
-    world.processes.start(name, arguments, executable or name, PACKAGES.get(name, "rl_cbf_clf_controller"))
-
-
 @pytest.mark.timeout(3600)
 def test_the_graph_of_a_task(world: Any) -> None:
     episodes, nodes = world.hear("episode"), ["simulator", "controller", "trainer"]
-    start_own(world, "controller")
-    start_own(world, "trainer", folder=world.folder / "learned")
-    start_own(world, "simulator", episodes=100_000, readers=2, trainer="follow")
+    world.start_task("controller", SEGWAY)
+    world.start_task("trainer", SEGWAY, folder=world.folder / "learned")
+    world.start_task("simulator", SEGWAY, episodes=100_000, readers=2, trainer="follow")
     stranger = Stranger(world, nodes)
     stranger.sends(SENT, seed=1)
     stranger.makes_good()

@@ -215,61 +215,42 @@ def test_nodes_walk_again_under_the_parameters_that_a_walk_has_left(tmp_path: Pa
 ROOT = Path(__file__).resolve().parents[2]
 CHANGED = {"port 8765": "port 0", "0.0.0.0": "127.0.0.1", "pace:=1.0": "pace:=0.0"}
 MEMORY = "/dev/shm"  # of `ground`
-PATIENCE = 180.0  # s
 
 
-class Services:
-    """The services' commands as processes in one folder, by name."""
-
-    def __init__(self, folder: Path, episodes: int) -> None:
-        self._folder = folder
-        text = re.sub(r"\$\{\w+:-([^}]*)\}", r"\1", (ROOT / "docker" / "compose.yaml").read_text(encoding="utf-8"))
-        for word, other in {**CHANGED, MEMORY: str(folder / "memory")}.items():
-            assert word in text
-            text = text.replace(word, other)
-        self._commands = {name: service["command"] for name, service in yaml.safe_load(text)["services"].items()}
-        self._commands["simulator"] += f" -p stones:=3 -p episodes:={episodes}"
-        del self._commands["ground"]
-        self._running: dict[str, subprocess.Popen[bytes]] = {}
-
-    def start(self, *names: str) -> None:
-        """Start those, or all."""
-        for name in names or self._commands:
-            command, environment = shlex.split(self._commands[name]), {**os.environ, "OMP_NUM_THREADS": "1"}
-            self._running[name] = subprocess.Popen(command, cwd=self._folder, env=environment)
-
-    def kill(self, *names: str) -> None:
-        """Kill those, or all."""
-        for name in names or tuple(self._running):
-            process = self._running.pop(name)
-            process.kill()
-            process.wait()
-
-    def end(self) -> dict[str, int]:
-        """Tell all to end, and wait; their exit codes."""
-        for process in self._running.values():
-            process.send_signal(signal.SIGTERM)
-        end = time.monotonic() + PATIENCE
-        return {name: process.wait(end - time.monotonic()) for name, process in self._running.items()}
+SERVICES = ("simulator", "controller", "trainer", "recorder", "viewer")
 
 
 @pytest.fixture
-def services(tmp_path: Path) -> Iterator[Services]:
-    """Of two short episodes; none is running yet."""
-    services = Services(tmp_path, episodes=2)
-    yield services
-    services.kill()
+def start(tmp_path: Path) -> Iterator[Callable[[str], subprocess.Popen[bytes]]]:
+    """Starts a service's command in one folder; two short episodes are walked."""
+    text = re.sub(r"\$\{\w+:-([^}]*)\}", r"\1", (ROOT / "docker" / "compose.yaml").read_text(encoding="utf-8"))
+    for word, other in {**CHANGED, MEMORY: str(tmp_path / "memory")}.items():
+        assert word in text
+        text = text.replace(word, other)
+    services, running = yaml.safe_load(text)["services"], list[subprocess.Popen[bytes]]()
+
+    def begin(name: str) -> subprocess.Popen[bytes]:
+        command = services[name]["command"] + " -p stones:=3 -p episodes:=2" * (name == "simulator")
+        running.append(subprocess.Popen(shlex.split(command), cwd=tmp_path, env={**os.environ, "OMP_NUM_THREADS": "1"}))
+        return running[-1]
+
+    yield begin
+    for process in running:
+        process.kill()
+        process.wait()
 
 
-def test_services_walk_and_record(services: Services, root_world: Any, tmp_path: Path) -> None:
+def test_services_walk_and_record(start: Any, root_world: Any, tmp_path: Path) -> None:
     """The simulator is killed in the first episode and started again, as its restart policy would."""
     heard, torques = root_world.hear("episode"), root_world.hear("torque")
-    services.start()
-    root_world.wait(lambda: len(torques) > 20, PATIENCE)
-    services.kill("simulator")
-    services.start("simulator")
-    root_world.wait(lambda: any(e.episode == 2 and e.phase == Episode.ENDED for e in heard), PATIENCE)
-    assert services.end() == dict.fromkeys(("simulator", "controller", "trainer", "recorder", "viewer"), 0)
+    running = {name: start(name) for name in SERVICES}
+    root_world.wait(lambda: len(torques) > 20)
+    running["simulator"].kill()
+    running["simulator"] = start("simulator")
+    root_world.wait(lambda: any(e.episode == 2 and e.phase == Episode.ENDED for e in heard))
+    for process in running.values():
+        process.send_signal(signal.SIGTERM)
+    assert [process.wait(180) for process in running.values()] == [0] * len(SERVICES)
     (recording,) = tmp_path.glob("recording-*")
     broken, whole = iterate_episodes(recording)
     assert (broken.number, broken.outcome) == (1, "reset")

@@ -33,16 +33,6 @@ def path_of(name: str) -> str:
     return str(EXAMPLES / (name if name.endswith(".yaml") else f"{name}.py"))
 
 
-PACKAGES = {"simulator": "rabbit_sim", "trainer": "rl_trainer"}  # the others: rl_cbf_clf_controller
-
-
-def start(world: Any, node: str, executable: str = "", **parameters: Any) -> None:
-    """One of the graph's nodes, of a task."""
-    words = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
-    arguments = ("--ros-args", "-r", f"__ns:=/{world.namespace}", *words)
-    world.processes.start(node, arguments, executable or node, PACKAGES.get(node, "rl_cbf_clf_controller"))
-
-
 def hear(world: Any, kind: Any, name: str, qos: Any = TICK) -> list[Any]:
     """All messages of a topic from now on."""
     heard: list[Any] = []
@@ -55,18 +45,11 @@ def play(world: Any, name: str, episodes: int = 1, **of_controller: Any) -> list
     torques, said = hear(world, msg.TorqueCommand, "torque"), world.hear("diagnostics")
     hear(world, msg.TaskParameters, "parameters")
     states = hear(world, msg.RobotState, "state")
-    start(world, "controller", task=path_of(name), **of_controller)
+    world.start_task("controller", path_of(name), **of_controller)
     world.wait(lambda: any(s.name.endswith("/controller") for m in said for s in m.status))
-    start(world, "simulator", task=path_of(name), seed=SEED, episodes=episodes, readers=2, answer_timeout=60.0)
+    world.start_task("simulator", path_of(name), seed=SEED, episodes=episodes, readers=2, answer_timeout=60.0)
     world.wait(lambda: bool(states))
     return torques
-
-
-def ended(world: Any) -> msg.Episode:
-    """How the newest episode did."""
-    episodes = world.hear("episode")
-    world.wait(lambda: bool(episodes) and episodes[-1].phase == msg.Episode.ENDED)
-    return episodes[-1]
 
 
 def small_policy(task: ControlTask, number: int = 0) -> PolicyFile:
@@ -79,7 +62,7 @@ def small_policy(task: ControlTask, number: int = 0) -> PolicyFile:
 @pytest.mark.parametrize("name", ["segway", "obstacle_arm", "amber_3m.yaml"])
 def test_nodes_answer_as_a_ride_in_process(world: Any, name: str) -> None:
     torques = play(world, name)
-    end = ended(world)
+    end = world.ended()
     ride = ride_of(TaskController(load_task(path_of(name))), NOMINAL, SEED)
     assert (end.outcome, end.touchdowns) == (ride.outcome, ride.impacts)
     world.wait(lambda: len(torques) >= len(ride.moments))
@@ -137,7 +120,7 @@ def test_a_rover_is_filtered_from_odometry_to_twist_and_stops_where_states_fall_
     path.write_text(ROVER)
     said, twists = world.hear("diagnostics"), hear(world, Twist, "cmd_vel", 10)
     topics = {"input": "odom", "output": "cmd_vel", "filters": True, "stale": 1.0, "stale_wanted": 60.0}
-    start(world, "controller", "robot_controller", task=str(path), **topics)
+    world.start_task("controller", str(path), "robot_controller", **topics)
     odometry = world.node.create_publisher(Odometry, "odom", qos_profile_sensor_data)
     wanted = world.node.create_publisher(Float64MultiArray, "wanted", qos_profile_sensor_data)
     world.wait(lambda: all(each.get_subscription_count() for each in (odometry, wanted)))
@@ -173,10 +156,10 @@ def test_the_graph_learns_what_is_learned_in_process(world: Any, name: str) -> N
         text = file.read_text() + ("steps: 4\n" if file.suffix == ".yaml" else "")
         (world.folder / file.name).write_text(text)
     folder, task = world.folder / "learned", str(world.folder / name)
-    start(world, "trainer", task=task, seed=1, folder=str(folder))
-    start(world, "controller", task=task)
+    world.start_task("trainer", task, seed=1, folder=str(folder))
+    world.start_task("controller", task)
     simulated = {"episodes": 2, "readers": 2, "trainer": "follow", "answer_timeout": 60.0}
-    start(world, "simulator", task=task, **simulated)
+    world.start_task("simulator", task, **simulated)
     expected, _ = train(load_task(task), 1, episodes=2)
     path = folder / "policies" / "002.safetensors"
     world.wait(path.exists)
@@ -189,9 +172,9 @@ def test_the_graph_learns_what_is_learned_in_process(world: Any, name: str) -> N
 def test_a_trainer_and_a_simulator_that_are_started_again_go_on(world: Any) -> None:
     task, folder = str(EXAMPLES / "segway.py"), world.folder / "learned"
     played = {"task": task, "episodes": 1000, "readers": 2, "trainer": "follow"}
-    start(world, "controller", task=task)
-    start(world, "simulator", **played)
-    start(world, "trainer", task=task, folder=str(folder))
+    world.start_task("controller", task)
+    world.start_task("simulator", **played)
+    world.start_task("trainer", task, folder=str(folder))
 
     def learns_on() -> None:
         done = len(list((folder / "policies").glob("*.safetensors")))
@@ -200,7 +183,7 @@ def test_a_trainer_and_a_simulator_that_are_started_again_go_on(world: Any) -> N
     learns_on()
     for name, parameters in (("trainer", {"task": task, "folder": str(folder)}), ("simulator", played)):
         world.processes.stop([name])
-        start(world, name, **parameters)
+        world.start_task(name, **parameters)
         learns_on()
 
 

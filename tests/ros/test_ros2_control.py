@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 from rabbit_common.ros.conversions import encoder_message, foot_wrench, header, imu_message
 from rabbit_description.state import BodySensors
-from rabbit_msgs.msg import Episode
 from rabbit_recording.timing import real_time_figures
 from rclpy.qos import qos_profile_sensor_data
 from std_msgs.msg import Float64MultiArray
@@ -72,19 +71,12 @@ def start(world: Any) -> Iterator[Start]:
         process.wait()
 
 
-def ended(world: Any) -> Episode:
-    """How the episode did."""
-    episodes = world.hear("episode")
-    world.wait(lambda: bool(episodes) and episodes[-1].phase == Episode.ENDED)
-    return episodes[-1]
-
-
 def test_the_robot_walks_through_standard_topics_alone(world: Any, start: Start, tmp_path: Path) -> None:
     world.start("recorder", path=str(tmp_path / "recording"))
     said = world.hear("diagnostics")
     world.wait(lambda: any(status.name.endswith("/recorder") for m in said for status in m.status))
     robot = start(20)
-    end = ended(world)
+    end = world.ended()
     assert (end.outcome, end.touchdowns) == ("walked", 20)
     seen = json.loads(robot.communicate(timeout=60)[0])
     assert (seen["outcome"], seen["stones"]) == ("walked", 20)
@@ -107,7 +99,7 @@ def test_strangers_before_the_robot_change_nothing(world: Any, start: Start) -> 
         assert not any(any(message.data) for message in world.commands)
 
     start(3, meet=meet)
-    end = ended(world)
+    end = world.ended()
     assert (end.outcome, end.touchdowns) == ("walked", 3)
     assert faults(world) == []
 
@@ -117,7 +109,7 @@ def test_it_stops_when_it_is_told_to(world: Any, start: Start) -> None:
     start(20)
     world.wait(lambda: bool(states) and states[-1].tick > 20)
     assert world.ask(SetBool, "pause", data=True).success
-    end = ended(world)
+    end = world.ended()
     assert (end.outcome, end.reason) == ("reset", "stopped by the service pause")
     assert_at_rest(world)
 
@@ -144,7 +136,7 @@ def test_wrong_sensors_end_the_walk_under_their_own_name(
     world: Any, start: Start, wrong: str, own: dict[str, Any], name: str
 ) -> None:
     start(20, wrong, 40, **own)
-    end = ended(world)
+    end = world.ended()
     assert end.outcome == "fault"
     assert end.reason.startswith(name)
     assert_at_rest(world)
@@ -173,7 +165,7 @@ def test_a_bridge_that_stood_still_sends_no_torque_of_old_sensors(world: Any, st
     world.spin(2 * SILENCE)
     world.commands.clear()
     world.processes.send("bridge", signal.SIGCONT)
-    end = ended(world)
+    end = world.ended()
     assert (end.outcome, end.reason[:14]) == ("fault", "no sensors for")
     assert not torques(world)
 

@@ -15,13 +15,6 @@ from .conftest import SHORT
 OTHER = ("-r", "__node:=other", "-p", "eps:=0.5")  # other gains
 
 
-def ended(world: Any, number: int) -> Episode:
-    """The announcement of an episode's end."""
-    episodes = world.hear("episode")
-    world.wait(lambda: any(e.episode == number and e.phase == Episode.ENDED for e in episodes))
-    return next(e for e in episodes if e.episode == number and e.phase == Episode.ENDED)
-
-
 def applied(world: Any, number: int) -> np.ndarray:
     """The torques that acted in an episode, (ticks, 4)."""
     return np.array([s.applied for s in world.hear("state") if s.episode == number and s.tick > 0])
@@ -56,14 +49,14 @@ def test_one_law_walks_and_the_result_names_both(make_world: Callable[[str], Any
     world.wait(lambda: len(world.hear("state")) > 20)
     start_other(world)  # in the middle of the first episode
     for number in (1, 2):
-        expected, got = ended(alone, number), ended(world, number)
+        expected, got = alone.ended(number), world.ended(number)
         assert (got.outcome, got.tick) == (expected.outcome, expected.tick)
         world.wait(lambda number=number, got=got: len(applied(world, number)) == got.tick)
         np.testing.assert_array_equal(applied(world, number), applied(alone, number))
         assert got.controller.split()[0] == f"/{world.namespace}/controller"
         assert expected.refused_controller == ""
         assert "two controllers" not in line(expected)
-    last = ended(world, 2)
+    last = world.ended(2)
     assert last.refused_controller.split()[0] == f"/{world.namespace}/other"
     assert last.controller in line(last)
     assert last.refused_controller in line(last)
@@ -84,11 +77,11 @@ def test_another_controller_does_not_go_on_for_a_killed_one(world: Any) -> None:
     start_other(world)
     world.wait(lambda: any(e.refused_controller for e in world.hear("episode")))
     world.processes.kill(("controller",))
-    first = ended(world, 1)
+    first = world.ended(1)
     assert first.outcome == "fault"
     assert first.reason.startswith(first.refused_controller)
     assert first.controller[:80] in first.reason
-    second = ended(world, 2)
+    second = world.ended(2)
     assert second.controller == first.refused_controller
     own = {c.tick: c.torque for c in world.hear("torque") if c.episode == 2}
     np.testing.assert_array_equal(applied(world, 2), [own[tick] for tick in range(second.tick)])

@@ -250,24 +250,6 @@ def test_a_foot_stands_up_to_the_edge_of_a_real_stone(engine, truth, edge, stand
         assert plant.observe().contact[Leg.LEFT] == stands
 
 
-def test_a_foot_falls_into_a_real_gap_and_the_other_finds_its_stone(engine):
-    q = np.array([0.0, 0.0, 0.0, 0.3, 0.0, -0.3, 0.0])
-    q[1] = 0.03 - RabbitFeet().positions(q)[0, 1]
-    left, right = RabbitFeet().positions(q)[:, 0]
-    stones = [Span(left - 0.03, left + 0.03), Span(right + 0.02, right + 0.1)]
-    with world(engine, SimulationParameters(), q, np.zeros(7), stones) as plant:
-        touches = []
-        for _ in range(12):
-            plant.advance(np.zeros(4))
-            touches += plant.observe().touches
-    by_leg = {touch.leg: touch for touch in touches}
-    assert len(touches) == 2
-    assert by_leg[Leg.LEFT].hold
-    assert not by_leg[Leg.RIGHT].hold
-    assert by_leg[Leg.RIGHT].x == pytest.approx(right, abs=0.01)
-    assert by_leg[Leg.RIGHT].other_x == pytest.approx(left, abs=0.01)
-
-
 def test_an_engine_repeats_itself_bit_for_bit(engine, truth):
     """After another episode in the same plant, and in a second plant beside it."""
     robot = truth()

@@ -210,20 +210,3 @@ def test_perfect_sensors_and_the_truth_agree_on_every_plant(plant):
         assert true.dq[:2] - before.dq[:2] == pytest.approx(gained * TICK_SECONDS, abs=allowed)
         before = true
     simulation.close()
-
-
-def test_constant_errors_are_constant_and_noise_has_its_spread():
-    spread = {"encoder_offset": 0.01, "gyro_noise": 0.02, "gyro_bias": 0.0, "accelerometer_noise": 0.5}
-    parameters = SimulationParameters(sensors="lab", **{**PERFECT, **spread})
-    rate, force, offsets = [], [], []
-    for seed in range(400):
-        measure = begun(Laboratory, parameters, seed)
-        measured = [measure(exactly(reading), reading).sensors for reading in readings(0.0)]
-        offsets.append([each.joint_angles for each in measured])
-        rate.append(measured[0].pitch_rate)
-        force.append(measured[1].specific_force - (0, G))
-    first, second = np.array(offsets).transpose(1, 0, 2)
-    assert (first == second).all()
-    for values, std in ((first, 0.01), (np.array(rate), 0.02), (np.array(force), 0.5)):
-        assert abs(values.mean()) < 4 * std / np.sqrt(values.size)
-        assert values.std() == pytest.approx(std, rel=0.15)

@@ -193,20 +193,6 @@ def check_kinematics(p, q, dq, leg):
 
 
 @settings(max_examples=50, deadline=None)
-@given(robots, rates)
-def test_a_payload_is_a_point_mass(p, dq):
-    """Its kinetic energy is half its mass times its own squared speed, at any pitch rate."""
-    q = np.zeros(7)
-    dq = np.r_[dq[:3], np.zeros(4)]
-    energies = []
-    for payload in (p.payload, 0.0):
-        model, data, _ = model_of(p.model_copy(update={"payload": payload}))
-        energies.append(pinocchio.computeKineticEnergy(model, data, q, dq))
-    speed_squared = (dq[0] + dq[2] * p.payload_height) ** 2 + dq[1] ** 2
-    assert np.isclose(energies[0] - energies[1], p.payload * speed_squared / 2, rtol=1e-9, atol=1e-7)
-
-
-@settings(max_examples=50, deadline=None)
 @given(commands, numbers(0, 0.05), numbers(0, 0.9), st.integers(0, 30), numbers(1, 300))
 def test_no_motor_gives_more_than_its_limit_and_loss_allow(asked, lag, loss, delay_ms, limit):
     motor = Actuation(

@@ -205,9 +205,6 @@ def test_a_stone_gives_way_under_the_foot_and_the_fall_onto_it_is_no_flight(play
     assert play([*script, air], loose_stone=1, loose_depth=0.02)[1].outcome is Outcome.FLIGHT
 
 
-# ---- real plants -----------------------------------------------------------------------------------------------------
-
-
 def episode(seed, ticks=15, **changes):
     simulation = Simulation(SimulationParameters(**changes), GAIT)
     try:

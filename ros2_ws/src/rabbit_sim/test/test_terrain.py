@@ -23,16 +23,6 @@ def test_normal_course_has_the_truncated_normals_moments():
     assert edges.std() == pytest.approx(0.02 * np.sqrt(0.9113), rel=0.05)
 
 
-def test_uniform_course_fills_the_same_bounds():
-    edges = near_edges(l_min_mean=0.4, l_min_std=0.05, l_min_truncation=1.0, l_min_distribution="uniform")
-    assert edges.min() == pytest.approx(0.35, abs=0.001)
-    assert edges.max() == pytest.approx(0.45, abs=0.001)
-    assert edges.std() == pytest.approx(0.1 / np.sqrt(12), rel=0.05)
-
-
-# ---- files -----------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("name", "text"),
     [("c.yaml", "stones: [{l_min: 0.3, l_max: 0.36}, {l_min: 0.4}]"), ("c.csv", "l_min,l_max\n0.3,0.36\n0.4,\n")],
@@ -63,8 +53,6 @@ def test_bad_course_files_are_refused_by_name(tmp_path, name, text, expected):
     assert str(path) in str(error.value)
 
 
-# ---- placement -------------------------------------------------------------------------------------------------------
-
 COURSE = [Stone(l_min=0.3, l_max=0.36), Stone(l_min=0.4, l_max=0.44)]
 
 
@@ -83,22 +71,6 @@ def test_heights_are_absolute_and_previewed_from_the_stone_before(previewed):
     seen = [terrain.place_next(1, 0.0).height, terrain.place_next(2, 0.31).height]
     assert [span.top for span in terrain.placed] == [0.0, 0.02, -0.03]
     assert seen == pytest.approx([0.02, -0.05] if previewed else [0.0, 0.0])
-
-
-def test_heights_are_drawn_within_their_bound_and_change_no_edge():
-    level, uneven = (
-        draw_course(SimulationParameters(stones=500, stone_height=height), np.random.default_rng(3))
-        for height in (0.0, 0.04)
-    )
-    heights = np.array([stone.height for stone in uneven])
-    assert [(stone.l_min, stone.l_max) for stone in uneven] == [(stone.l_min, stone.l_max) for stone in level]
-    assert {stone.height for stone in level} == {0.0}
-    assert 0.038 < heights.max() <= 0.04
-    assert -0.04 <= heights.min() < -0.038
-    assert abs(heights.mean()) < 4 * 0.04 / np.sqrt(3 * 500)  # four standard deviations of a uniform mean
-
-
-# ---- parameters ------------------------------------------------------------------------------------------------------
 
 
 STANDS = (0.0, 0.0)

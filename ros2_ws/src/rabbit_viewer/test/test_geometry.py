@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from rabbit_description.state import Array, StonePreview
 from rabbit_sim.kinematics import LegShape, RabbitFeet
-from rabbit_viewer.geometry import ARC, allowed_area, feet, force_arrow
+from rabbit_viewer.geometry import ARC, allowed_area, feet
 from rl_cbf_clf_controller.stone_barriers import stone_barriers
 
 RNG = np.random.default_rng(0)
@@ -33,8 +33,3 @@ def test_area_is_bounded_by_the_barriers() -> None:
     assert values[ARC:-2, 0] == pytest.approx(0, abs=1e-12)  # the outer circle
     middle = np.array([stone.l_min / 2, 0.0])
     assert barriers(middle, stone, R1, R2)[1] < 0
-
-
-def test_an_arrow_is_as_long_as_its_force_says() -> None:
-    assert force_arrow(np.array([240.0, 300.0])) == pytest.approx([0.24, 0.3])
-    assert not force_arrow(np.zeros(2)).any()

@@ -113,12 +113,6 @@ def test_a_link_is_the_same_walk_with_its_settings(played: Callable[..., Played]
     assert two.words["state"]["settings"] == settings
 
 
-def test_the_oracle_knows_the_robot_that_it_becomes(played: Callable[..., Played]) -> None:
-    one = played(first="oracle", mass_scale=1.0, stones=8).walk(60)
-    one.choose(mass_scale=2.0)
-    assert one.walk().outcomes == [("walked", 8)]
-
-
 def test_why_it_fell_is_the_barrier_that_its_foot_was_beyond(played: Callable[..., Played]) -> None:
     """With three times the mass the first foot lands past the far edge; the named tick's row is in its explanation."""
     one = played(first="tuned", mass_scale=3.0).walk()

@@ -155,16 +155,6 @@ def test_a_foot_that_finds_no_ground_goes_straight_down(slopes, seed, height):
     assert lower_pitch == pytest.approx(pitch, abs=1e-9)
 
 
-def test_a_step_goes_to_its_share_of_the_stone_and_no_farther_than_the_library(slopes):
-    x = slopes.landed(0)
-    lengths = slopes.gaits.lengths
-    for near, wanted in ((0.36, 0.385), (0.1, lengths[0]), (0.9, lengths[-1])):
-        found = slopes.begin(x, np.array([near, near + 0.05, 0.0]))
-        assert slopes.kept(found, "wanted") == pytest.approx(wanted, abs=1e-15)
-        unseen = slopes.begin(x, NONE, steps=found["steps_after"])
-        assert slopes.kept(unseen, "wanted") == slopes.kept(found, "wanted"), "without a stone the length stays"
-
-
 def bits(values):
     """Of numbers; NaN are alike."""
     return np.where(np.isnan(values.full()), np.nan, values.full()).tobytes()

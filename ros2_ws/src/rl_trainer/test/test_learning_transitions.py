@@ -15,7 +15,6 @@ from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.policy import LearnedPolicy
 from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.task_controller import NOMINAL, Controlling, TaskController
-from rl_cbf_clf_controller.uncertainty import IO_RL_CLF_QP
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.replay import Replay
 from rl_trainer.transitions import Doubt, Transition, TransitionBuilder
@@ -73,15 +72,6 @@ def test_error_is_the_papers_loss(tick: Tick) -> None:
     transition = join(tick(20, output=output), tick(21, output={"V": 0.5}), parameters=PAPER)
     assert transition.target[0] == pytest.approx(40)
     assert transition.error[0] == pytest.approx(-15)
-
-
-def test_error_of_the_first_approach_is_acceleration_minus_mu(tick: Tick) -> None:
-    mu, problem = np.array([1.0, 2, 3, 4]), IO_RL_CLF_QP
-    output = {"mu": mu, "nominal_a": np.eye(4), "alpha": 0.3 * np.ones((4, 4)), "beta": np.ones(4)}
-    second = {"measured": np.array([10.0, 20, 30, 40])}
-    ticks = tick(20, output=output, problem=problem), tick(21, output=second, problem=problem)
-    transition = join(*ticks, parameters=TrainingParameters(problem=problem))
-    np.testing.assert_allclose(transition.error, np.array([10.0, 20, 30, 40]) - mu)
 
 
 @pytest.mark.parametrize(

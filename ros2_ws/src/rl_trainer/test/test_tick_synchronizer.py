@@ -1,7 +1,7 @@
 """Ticks are put together whatever the order, a lost one is counted; transitions come back from the journal."""
 
 import itertools
-from dataclasses import fields, replace
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -106,12 +106,6 @@ def test_an_observation_comes_back_with_or_without_a_step_length(names: tuple[st
     assert lines == 1
     for each in fields(Transition):
         assert np.array_equal(getattr(after, each.name), getattr(before, each.name)), each.name
-
-
-def test_numbers_that_are_not_finite_come_back(tmp_path: Path) -> None:
-    before = replace(transition(15), nominal=np.array([np.nan, np.inf, -np.inf, -0.0, 1e-308]))
-    ((after,), _) = transitions_of(line_of(before, PARAMETERS), PARAMETERS)
-    assert after.nominal.tobytes() == before.nominal.tobytes()
 
 
 def test_every_prefix_of_a_journal_has_the_lines_that_are_whole(tmp_path: Path) -> None:
