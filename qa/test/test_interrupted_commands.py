@@ -1,8 +1,10 @@
-"""A long command that is interrupted, at any moment and in any way, goes on when it is called again."""
+"""A long command that is interrupted goes on when it is called again; after a change no old result is served."""
 
 import csv
+import json
 import os
 import random
+import shutil
 import signal
 import subprocess
 import sys
@@ -10,11 +12,13 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import pytest
 from rabbit_description.atomic_file import PARTIAL
+from rl_cbf_clf_controller.weights import read
 
 RABBIT = (sys.executable, "-c", "from rabbit_bringup.cli import main; main()")
 SIGNALS = {"INT": signal.SIGINT, "TERM": signal.SIGTERM, "KILL": signal.SIGKILL}
@@ -31,6 +35,8 @@ def table(name: str, out: Path) -> list[dict[str, str]]:
     return [{key: value for key, value in row.items() if not any(word in key for word in TIMES)} for row in rows]
 
 
+TRAINING = ("--problem", "rl-clf-qp", "--episodes", "4", "--nominal-episodes", "1", "--walking-steps", "1")
+TRAINING += ("--batch", "8", "--updates-least", "40", "--updates-per-tick", "0")
 CELL = ("--cells", "stones/scale-2", "--courses", "2")
 COMMANDS: dict[str, tuple[tuple[str, ...], Callable[[Path], Any]]] = {
     "evaluate": (
@@ -39,8 +45,9 @@ COMMANDS: dict[str, tuple[tuple[str, ...], Callable[[Path], Any]]] = {
     ),
     "benchmark": (("nominal", *CELL, "--jobs", "2"), partial(table, "benchmark.csv")),
     "gait": (("--name", "g", "--intervals", "10"), lambda out: (out / "g.yaml").read_bytes()),
+    "train": (TRAINING, lambda out: {name: a.tobytes() for name, a in read(out / "policy.safetensors").arrays.items()}),
 }
-EACH = [pytest.param(name, marks=() if name == "evaluate" else pytest.mark.slow) for name in COMMANDS]
+EACH = [pytest.param(name, marks=() if name in ("evaluate", "train") else pytest.mark.slow) for name in COMMANDS]
 
 
 def start(name: str, out: Path, mark: str = "", *more: str) -> "subprocess.Popen[str]":
@@ -120,3 +127,116 @@ def test_a_disk_that_takes_nothing_is_one_line(kind: str, tmp_path: Path) -> Non
     assert str(folder / "out") in line
     assert ("Read-only file system" if kind == "ro" else "No space left on device") in line
     assert "Traceback" not in said
+
+
+PACKAGES = (
+    *("cbf_clf_qp", "rabbit_common", "rabbit_description", "rabbit_estimator", "rabbit_experiments", "rabbit_sim"),
+    *("rabbit_viewer", "rl_cbf_clf_controller", "rl_trainer"),
+)
+CHANGES = 40  # of bytes of files that the run opened or loaded
+OWN = """
+from rabbit_experiments.assembly import Assembly
+from own_package.late import share
+
+class Weaker(Assembly):
+    def build(self):
+        simulation, controller = super().build()
+        step = controller.step
+
+        def weaker_step(state):
+            output = step(state)
+            output.torque[:] *= share
+            return output
+
+        controller.step = weaker_step
+        return simulation, controller
+
+class Weakest(Weaker):
+    pass
+"""
+PROGRAM = """
+import importlib, json, os, shutil, sys
+from dataclasses import replace
+from pathlib import Path
+import numpy as np
+
+folder, opened = Path(sys.argv[1]), set()
+sys.addaudithook(lambda event, given: opened.add(str(given[0])) if event == "open" else None)
+from own_package.assembly import Weaker, Weakest
+from rabbit_experiments import provenance, source_code
+from rabbit_experiments.cache import Cache
+from rabbit_experiments.evaluation import RecordedWalk, Walk
+from rabbit_sim.parameters import SimulationParameters
+from rl_cbf_clf_controller.parameters import load_parameters
+
+def job(kind=Weaker, seed=7, **changes):
+    own = {"controller": "rl-cbf-clf-qp", "gait": str(folder / "gait.yaml")}
+    tuning = load_parameters("ours", **own, **{name: changes.pop(name) for name in ("eps",) if name in changes})
+    plant = SimulationParameters(stones=1, course=str(folder / "course.csv"), **changes)
+    return Walk(kind(plant, tuning, str(folder / "rl-cbf-clf-qp.safetensors")), seed)
+
+def served(job):
+    for each in (source_code.code_of, provenance._parts, provenance.versions):
+        each.cache_clear()
+    importlib.invalidate_caches()
+    return Cache(folder / "cache").get(job) is not None
+
+Cache(folder / "cache").put(job(), job().do())
+assert served(job())
+others = [job(seed=8), job(eps=0.0500001), job(mass_scale=1.0000001), job(Weakest), RecordedWalk(job().assembly, 7)]
+wrong = [repr(each)[:300] for each in others if served(each)]
+loaded = {str(getattr(module, "__file__", "")) for module in [*sys.modules.values()]}
+files = sorted(path for path in opened | loaded if path.startswith(str(folder)) and "__pycache__" not in path)
+files = [Path(each) for each in files if Path(each).is_file() and Path(each).stat().st_size]
+own = [each for each in files if "packages" not in each.parts or "own_package" in each.parts]
+rng = np.random.default_rng(1)
+for path in [*own, *rng.choice([each for each in files if each not in own], int(sys.argv[2]), replace=False)]:
+    data, times = path.read_bytes(), path.stat()
+    changed = bytearray(data)
+    changed[rng.integers(len(data))] ^= int(rng.integers(1, 256))
+    path.write_bytes(changed)
+    os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
+    try:
+        if served(job()):
+            wrong.append(str(path))
+    except ValueError:
+        pass  # the file is refused
+    path.write_bytes(data)
+for name in ("numpy", "pybullet", "osqp", "casadi", "pin"):
+    other = folder / "packages" / f"{name}-99.dist-info"
+    other.mkdir()
+    (other / "METADATA").write_text(f"Metadata-Version: 2.1\\nName: {name}\\nVersion: 99\\n")
+    if served(job()):
+        wrong.append(name)
+    shutil.rmtree(other)
+assert served(job()), "all is as it was"
+print(json.dumps({"files": len(files), "own": [each.name for each in own], "served": wrong}))
+"""
+
+
+def run(folder: Path, *words: object) -> str:
+    """Python in a process of its own in `folder`, which is on its path; what it prints."""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join((str(folder), os.environ.get("PYTHONPATH", "")))}
+    command = [sys.executable, *map(str, words)]
+    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=3600)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.mark.timeout(1800)
+def test_after_a_single_change_no_old_result_is_served(tmp_path: Path) -> None:
+    """Of seed, parameters, class, a library's version, or one byte of what the run read or imported."""
+    packages = tmp_path / "packages"
+    for name in PACKAGES:
+        (source,) = find_spec(name).submodule_search_locations
+        shutil.copytree(source, packages / name, ignore=shutil.ignore_patterns("__pycache__"))
+    (packages / "own_package").mkdir()
+    for name, text in {"__init__": "", "assembly": OWN, "late": "share = 0.95\n"}.items():
+        (packages / "own_package" / f"{name}.py").write_text(text)
+    shutil.copy(packages / "rabbit_description/gaits/stones_0350_084.yaml", tmp_path / "gait.yaml")
+    shutil.copy(packages / "rl_cbf_clf_controller/policies/rl-cbf-clf-qp.safetensors", tmp_path)
+    (tmp_path / "course.csv").write_text("l_min,l_max\n" + "0.3,0.4\n" * 5)
+    found: dict[str, Any] = json.loads(run(packages, "-c", PROGRAM, tmp_path, CHANGES).splitlines()[-1])
+    assert found["files"] > 50
+    assert {*found["own"]} >= {"gait.yaml", "course.csv", "rl-cbf-clf-qp.safetensors", "assembly.py", "late.py"}
+    assert found["served"] == []

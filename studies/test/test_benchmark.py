@@ -2,14 +2,12 @@
 
 import csv
 from pathlib import Path
-from typing import get_args
 
 import pytest
-from rabbit_benchmark.cells import TERRAINS, Map, Terrain, cells, chosen, storm, storm_plant
+from rabbit_benchmark.cells import cells, chosen, storm, storm_plant
 from rabbit_benchmark.commands.benchmark import app
 from rabbit_benchmark.comparison import holm, paired
-from rabbit_benchmark.families import Split, families
-from rabbit_benchmark.methods import BUILT_IN, method
+from rabbit_benchmark.methods import BUILT_IN
 from rabbit_benchmark.protocol import SEEDS, Protocol, plan
 from rabbit_benchmark.report import Benchmark
 from rabbit_experiments.cache import Cache
@@ -44,13 +42,6 @@ def test_holm_multiplies_the_least_by_all_and_never_decreases() -> None:
     assert holm([]) == []
 
 
-def test_every_cell_is_a_plant() -> None:
-    for cell in cells().values():
-        SimulationParameters(**cell.plant(0, SEEDS["reported"]))
-    inside = [cell for cell in cells().values() if cell.map == "inside"]
-    assert len(inside) == 2 * 20
-
-
 def test_the_storm_is_drawn_by_its_seed_within_its_ranges() -> None:
     for terrain in ("stones", "flat"):
         drawn = [storm_plant(number, SEEDS["reported"], terrain) for number in range(100)]
@@ -63,17 +54,6 @@ def test_the_storm_is_drawn_by_its_seed_within_its_ranges() -> None:
                 assert low <= value <= high
     assert "stone_height" not in storm().on("flat")
     assert cells()["flat/storm"].courses(10) == 100
-
-
-def test_methods_share_courses_and_cells_do_not() -> None:
-    nominal, identified = method("nominal"), method("identified")
-    one, other = chosen(["flat/scale-1", "flat/scale-2"])
-    seeds = {
-        (name, cell.name): [walk.seed for walk in TINY.walks(each, cell)]
-        for name, each in (("nominal", nominal), ("identified", identified))
-        for cell in (one, other)
-    }
-    assert seeds["nominal", one.name] == seeds["identified", one.name] != seeds["nominal", other.name]
 
 
 @pytest.mark.parametrize(
@@ -105,39 +85,3 @@ def test_a_benchmark_goes_on_and_leaves_a_blank_with_its_reason(tmp_path: Path) 
     assert rows["identified"]["courses"] == "1"
     assert "robust is blank where it has no controller for flat" in page.read_text()
     assert (tmp_path / "cells.png").stat().st_size > 0
-
-
-def test_a_plant_of_a_family_is_drawn_by_its_seed_within_its_ranges() -> None:
-    for cell in chosen(get_args(Split)):
-        family = families().families[cell.name.split("/")[1]]
-        ranges = families().every | (family.on(cell.terrain) or {})
-        drawn = [cell.plant(number, SEEDS["reported"]) for number in range(20)]
-        assert drawn == [cell.plant(number, SEEDS["reported"]) for number in range(20)]
-        assert drawn[0] != cell.plant(0, SEEDS["development"])
-        for plant in drawn:
-            assert plant.pop("terrain") == cell.terrain
-            assert plant.keys() == ranges.keys()
-            assert all(low <= plant[name] <= high for name, (low, high) in ranges.items())
-            SimulationParameters.model_validate(plant)
-
-
-@pytest.mark.parametrize("terrain", TERRAINS)
-@pytest.mark.parametrize("where", get_args(Map))
-def test_the_nominal_method_at_its_best_estimates_and_learned_nothing_on_any_map(where: Map, terrain: Terrain) -> None:
-    tuned = method("nominal-tuned")
-    contender = tuned.on(terrain, where)
-    assert contender is not None
-    own = contender.assembly()
-    assert own.policy == "zero"
-    assert own.controller.adaptation == "none"
-    assert own.controller.terrain == terrain
-    assert not tuned.trained_on
-    uses_speed_model = own.controller.speed_regulation == "learned" and own.controller.gait == "slopes"
-    assert not uses_speed_model
-
-
-@pytest.mark.parametrize("terrain", TERRAINS)
-def test_nothing_is_tuned_on_reported_families(terrain: Terrain) -> None:
-    tuned = method("nominal-tuned")
-    assert tuned.on(terrain, "unseen") == tuned.on(terrain, "reported") == tuned.on(terrain, "development")
-    assert tuned.on(terrain, "storm-2") == tuned.on(terrain, "storm")

@@ -1,57 +1,39 @@
-"""Gait libraries: what lies between two gaits, how a step from one into another begins and ends, bad files."""
+"""Gait libraries: what lies between two gaits; the model of the speed from step to step."""
 
 import casadi as ca
 import numpy as np
 import pytest
-from cbf_clf_qp.functions import NumpyFunction, Values, packed
+from cbf_clf_qp.functions import NumpyFunction, packed
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy_steps import Steps
-from rabbit_description import LIBRARIES
-from rabbit_description.gait import Gait, GaitLibrary, load_gaits, shipped
-from rabbit_gait_design import GaitSpecification
-from rabbit_gait_design.library import library_specifications
-from rabbit_gait_design.pinocchio_model import PinocchioModel
-from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_cbf_clf_controller.robot_numbers import read_robot
-from rl_cbf_clf_controller.step_landing import Legs, descent, landing_at
+from rabbit_description.gait import Gait, GaitLibrary, load_gaits
+from rabbit_experiments.assembly import AssemblyError
+from rabbit_gait_design.speed_model.fit import errors, fitted, without_mean
+from rabbit_gait_design.speed_model.walks import Steps, exploring_walks
+from rl_cbf_clf_controller.parameters import load_parameters
 from rl_cbf_clf_controller.step_paths import GaitExpressions, Shape, StepPath, gait_row
-from rl_cbf_clf_controller.virtual_constraints import gradual_line
 
-NAME = "wide"
-LIBRARY = load_gaits(NAME)
+LIBRARY = load_gaits("wide")
 assert isinstance(LIBRARY, GaitLibrary)
-SHIPPED = [gait for name in shipped(LIBRARIES) for gait in load_gaits(name).gaits]  # type: ignore[union-attr]
 LENGTHS = st.floats(LIBRARY.lengths[0], LIBRARY.lengths[-1])
-SLOPED = load_gaits("slopes")
-assert isinstance(SLOPED, GaitLibrary)
-MODEL, ROBOT, PARAMETERS = PinocchioModel(), read_robot(), ControllerParameters()
 
 
 class Paths:
-    """Paths of a library from a step of `taken` into one of `wanted`, m, on a slope, degrees, to a height, m."""
+    """Paths of a library from a step of `taken` into one of `wanted`, m."""
 
     def __init__(self, library: GaitLibrary) -> None:
-        gaits, legs, self._numbers = GaitExpressions(Shape.of(library)), Legs(), gait_row(library)
-        of = {name: ca.SX.sym(name) for name in ("taken", "wanted", "slope", "height")}
-        path = gaits.path(of["taken"], of["wanted"], of["slope"])
-        path = landing_at(path, of["height"], legs)
-        found = {"coeffs": path.coeffs, "ends": ca.vertcat(path.start, path.end), "descent": descent(path, legs)}
-        found["rate"] = gaits.start_rate(of["taken"], of["slope"])
-        lengths = {"joints": legs.joints, "feet": legs.feet}
-        self._function = NumpyFunction.of("paths", of | {"gaits": packed(gaits.symbols)} | lengths, found)
+        gaits, self._numbers = GaitExpressions(Shape.of(library)), gait_row(library)
+        of = {name: ca.SX.sym(name) for name in ("taken", "wanted")}
+        path = gaits.path(of["taken"], of["wanted"], ca.SX(0))
+        found = {"coeffs": path.coeffs, "ends": ca.vertcat(path.start, path.end)}
+        self._function = NumpyFunction.of("paths", of | {"gaits": packed(gaits.symbols)}, found)
 
-    def found(self, taken: float, wanted: float, slope: float = 0.0, height: float = 0.0) -> Values:
-        numbers = np.array([[taken], [wanted], [slope], [height]])
-        return self._function(*numbers, self._numbers, ROBOT.joints, ROBOT.feet)
-
-    def __call__(self, taken: float, wanted: float, slope: float = 0.0, height: float = 0.0) -> StepPath:
-        found = self.found(taken, wanted, slope, height)
+    def __call__(self, taken: float, wanted: float) -> StepPath:
+        found = self._function(np.array([taken]), np.array([wanted]), self._numbers)
         return StepPath(found.coeffs, *found.ends)
 
 
-PATHS, SLOPED_PATHS = Paths(LIBRARY), Paths(SLOPED)
-STEPS = Steps(LIBRARY, PARAMETERS, ROBOT)
+PATHS = Paths(LIBRARY)
 
 
 @pytest.mark.parametrize("gait", LIBRARY.gaits, ids=lambda gait: gait.name)
@@ -85,27 +67,57 @@ def test_a_step_begins_as_one_gait_and_ends_as_the_other(taken: float, wanted: f
         np.testing.assert_allclose(*ends, atol=1e-12)
 
 
-def test_specifications_follow_the_length() -> None:
-    base = GaitSpecification(name="lib", step_length=0.35, speed=0.8)
-    ((short, middle, long),) = library_specifications(base, [0.2, 0.35, 0.6], speed_slope=0.4)
-    assert [each.speed for each in (short, middle, long)] == pytest.approx([0.74, 0.8, 0.9])
-    assert (middle.step_length, middle.max_foot_height, long.name) == (0.35, base.max_foot_height, "lib_0600")
-    circle = np.hypot(0.3, base.R2) - base.R2
-    assert long.max_foot_height > circle
+TRUTH = np.array([0.6, -0.05, 0.15, -0.03])
 
 
-def line_at(x: float) -> tuple[float, ...]:
-    """g and its two derivatives."""
-    return tuple(float(ca.evalf(each)) for each in gradual_line(ca.SX(x)))
+def linear_walk(rng: np.random.Generator, constant: float, noise: float, seeming: float, steps: int = 40) -> Steps:
+    """Speeds that follow the model but for the noise, and are seen with an error of `seeming`, both m/s."""
+    slopes = rng.uniform(-3, 3, steps)
+    speeds = [0.0, 0.0, 0.0]
+    for k in range(3, steps):
+        regressors = np.array([speeds[-1], slopes[k], slopes[k - 1], slopes[k - 2]])
+        speeds.append(float(TRUTH @ regressors + constant + noise * rng.standard_normal()))
+    seen = np.array(speeds) + seeming * rng.standard_normal(steps)
+    return Steps(slopes=slopes.tolist(), speeds=seen.tolist())
 
 
-def test_the_descent_begins_gradually() -> None:
-    """Its value, slope and curvature begin with 0; each is the derivative of the one before; the slope goes to 1."""
-    assert line_at(0.0) == line_at(-0.3) == pytest.approx((0, 0, 0), abs=1e-14)
-    h = 1e-6
-    for x in (0.01, 0.05, 0.2):
-        (value, slope, curvature), before, after = line_at(x), line_at(x - h), line_at(x + h)
-        assert (after[0] - before[0]) / (2 * h) == pytest.approx(slope, abs=1e-6)
-        assert (after[1] - before[1]) / (2 * h) == pytest.approx(curvature, abs=1e-6)
-        assert value < x
-    assert line_at(1.0)[1] == pytest.approx(1.0, abs=1e-6)
+def linear_plants(noise: float, seed: int, plants: int = 40, seeming: float = 0.0) -> list[list[Steps]]:
+    rng = np.random.default_rng(seed)
+    constants = rng.uniform(-0.3, 0.3, plants)
+    return [[linear_walk(rng, constant, noise, seeming) for _ in range(4)] for constant in constants]
+
+
+def test_without_noise_the_coefficients_are_found_exactly() -> None:
+    model = fitted(linear_plants(0.0, 1))
+    np.testing.assert_allclose(model.coefficients, TRUTH, atol=1e-9)
+    assert errors(TRUTH, linear_plants(0.0, 2))[0] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_with_noise_the_intervals_hold_the_truth_about_as_often_as_they_say() -> None:
+    """Of 4 x 25 intervals of 95% some 95; fewer than 85 would be 4.6 standard deviations away."""
+    models = [fitted(linear_plants(0.03, seed, seeming=0.05)) for seed in range(25)]
+    held = [np.abs(model.coefficients - TRUTH) < model.half_widths for model in models]
+    assert np.sum(held) >= 85
+    error, spread = errors(TRUTH, linear_plants(0.03, 99))
+    assert error == pytest.approx(0.03, rel=0.05)
+    assert error < spread
+
+
+def test_errors_of_the_speeds_do_not_bias_what_is_found() -> None:
+    """As large as the noise, they take least squares' A down from 0.6; the instruments know nothing of them."""
+    plants = linear_plants(0.05, 3, plants=200, seeming=0.05)
+    x, y, _ = (np.concatenate(each) for each in zip(*without_mean(plants), strict=True))
+    assert np.linalg.lstsq(x, y, rcond=None)[0][0] < 0.5
+    np.testing.assert_allclose(fitted(plants).coefficients, TRUTH, atol=0.03)
+
+
+def test_a_walk_explores_and_a_gait_without_slopes_is_refused() -> None:
+    tuning = load_parameters("best")
+    walks = exploring_walks(2, 5, tuning)
+    assert [each[0].assembly.simulation.terrain for each in walks] == ["flat", "stones"]
+    assert {walk.assembly.simulation.push for each in walks for walk in each} == {0.0}
+    steps = walks[0][0].do()
+    assert len(steps.slopes) == len(steps.speeds) >= 1
+    assert walks[0][0].do() == steps, "the same seed, the same walk"
+    with pytest.raises(AssemblyError, match="expected a library with slopes"):
+        exploring_walks(1, 5, tuning.model_copy(update={"gait": "stones_0350_080"}))[0][0].do()

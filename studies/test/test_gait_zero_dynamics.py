@@ -1,90 +1,17 @@
-"""The zero dynamics against mechanics: pinned-foot motion, angular momentum, mass scaling, energy at impact."""
-
-from dataclasses import dataclass
+"""The zero dynamics against mechanics, and CasADi's robot against pinocchio's."""
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from rabbit_description.gait import Gait, GaitLibrary, load_gait, load_gaits
-from rabbit_description.state import SWAP_STATE, Array
-from rabbit_gait_design.orbit import Orbit, start_phase_rate
-from rabbit_gait_design.pinocchio_model import PinocchioModel
+from rabbit_description.gait import GaitLibrary, load_gait, load_gaits
+from rabbit_description.state import Array
+from rabbit_gait_design import symbolic_robot
+from rabbit_gait_design.orbit import Orbit
 from rabbit_gait_design.zero_dynamics import ZeroDynamics, loaded_model
 from rl_cbf_clf_controller.virtual_constraints import VirtualConstraints
-from scipy.integrate import solve_ivp
 
 GAIT = load_gait("stones_0350_070")
 POINTS = [(0.0, 1.7), (0.3, 2.4), (0.7, 2.0), (1.0, 3.0)]
-
-
-LONGEST_STEP = 3.0  # s
-HIP_FALL = 0.5  # m
-
-
-@dataclass(frozen=True)
-class Step:
-    """The next post-impact state `q`, `dq` (7,), and the step's duration, s."""
-
-    q: Array
-    dq: Array
-    duration: float
-
-
-class OracleWalk:
-    """The Poincaré map of `gait` on `model` under exact input-output linearisation of that model."""
-
-    def __init__(self, gait: Gait, model: PinocchioModel, eps: float = 0.05, kp: float = 0.5, kd: float = 3**0.5 / 2):
-        self.model = model
-        self._constraints = VirtualConstraints(gait)
-        self._gains = kp / eps**2, kd / eps
-
-    def acceleration(self, q: Array, dq: Array) -> Array:
-        """(7,), at a state in stance/swing order."""
-        self.model.update(q, dq)
-        pinned = self.model.pinned()
-        outputs = self._constraints.evaluate(q, dq)
-        wanted = -self._gains[0] * outputs.y - self._gains[1] * outputs.dy
-        y_ddot = outputs.second_derivative(pinned.acceleration)
-        return pinned.acceleration(np.linalg.solve(y_ddot.a, wanted - y_ddot.b))
-
-    def step(self, q: Array, dq: Array) -> Step | None:
-        """Walk one step from a post-impact state; None if the swing foot never lands ahead."""
-
-        def motion(_: float, x: Array) -> Array:
-            return np.concatenate([x[7:], self.acceleration(x[:7], x[7:])])
-
-        start = np.concatenate([q, dq])
-        events = [self._landing, self._turning_back, _falling]
-        solution = solve_ivp(motion, (0.0, LONGEST_STEP), start, "RK45", events=events, rtol=1e-8, atol=1e-9)
-        if not len(solution.t_events[0]):
-            return None
-        x = solution.y_events[0][0]
-        after, _ = self.model.impact(x[:7], x[7:])
-        landed = x[:7].copy()
-        landed[:2] -= self.model.update(x[:7], x[7:]).swing
-        return Step(landed[SWAP_STATE], after[SWAP_STATE], float(solution.t[-1]))
-
-    def phase_rate(self, q: Array, dq: Array) -> float:
-        """Rate of the phase, 1/s."""
-        return self._constraints.evaluate(q, dq).phase_rate
-
-    def _landing(self, _: float, x: Array) -> float:
-        if self._constraints.evaluate(x[:7], x[7:]).phase < 0.5:
-            return 1.0
-        return float(self.model.update(x[:7], x[7:]).swing[1])
-
-    def _turning_back(self, _: float, x: Array) -> float:
-        return self.phase_rate(x[:7], x[7:])
-
-    _landing.terminal, _landing.direction = True, -1  # type: ignore[attr-defined]
-    _turning_back.terminal = True  # type: ignore[attr-defined]
-
-
-def _falling(_: float, x: Array) -> float:
-    return float(x[1] - HIP_FALL)
-
-
-_falling.terminal = True  # type: ignore[attr-defined]
 
 
 @pytest.fixture(scope="module")
@@ -149,17 +76,6 @@ def test_over_a_step_the_motors_work_is_the_energy_gained(slope: float) -> None:
     assert lost > 0
 
 
-def test_phase_rates_are_those_of_the_pinned_robot_with_exact_linearisation(dynamics: ZeroDynamics) -> None:
-    walk = OracleWalk(GAIT, dynamics.model)
-    first = start_phase_rate(GAIT)
-    q, dq = dynamics.state(0.0, first)
-    taken = walk.step(q, dq)
-    assert taken is not None
-    orbit = Orbit(GAIT)
-    assert taken.duration == pytest.approx(orbit.times[-1], rel=1e-4)
-    assert walk.phase_rate(taken.q, taken.dq) == pytest.approx(first, rel=1e-3)
-
-
 def test_uniform_mass_scale_leaves_the_zero_dynamics_unchanged(dynamics: ZeroDynamics) -> None:
     heavy = loaded_model()
     for inertia in heavy.model.inertias:
@@ -178,9 +94,6 @@ def test_least_phase_rate_parts_the_steps_that_are_completed(payload: float) -> 
     least, phases = dynamics.least_phase_rate(), np.linspace(0, 1, 201)
     assert np.isfinite(dynamics.phase_rates(phases, 1.001 * least)).all()
     assert np.isnan(dynamics.phase_rates(phases, 0.999 * least)[-1])
-    walk = OracleWalk(GAIT, dynamics.model)
-    assert walk.step(*dynamics.state(0.0, 1.01 * least)) is not None
-    assert walk.step(*dynamics.state(0.0, 0.98 * least)) is None
 
 
 def test_impact_loses_energy_and_leaves_the_landed_foot_at_rest() -> None:
@@ -196,21 +109,41 @@ def test_impact_loses_energy_and_leaves_the_landed_foot_at_rest() -> None:
     assert landed_foot_rate == pytest.approx([0, 0], abs=1e-9)
 
 
-def test_eigenvalue_of_the_scalar_map_is_that_of_the_walk(dynamics: ZeroDynamics) -> None:
-    """At the nominal mass the manifold is invariant under the impact: a step that begins a little faster comes back by
-    delta^2 Phi, in squares of the phase rate."""
-    walk, first = OracleWalk(GAIT, dynamics.model), start_phase_rate(GAIT)
-    rates = []
-    for start in (first, 1.01 * first):
-        taken = walk.step(*dynamics.state(0.0, start))
-        assert taken is not None
-        rates.append(walk.phase_rate(taken.q, taken.dq))
-    eigenvalue = (rates[1] ** 2 - rates[0] ** 2) / (first**2 * (1.01**2 - 1))
-    assert eigenvalue == pytest.approx(Orbit(GAIT).figures().eigenvalue, rel=0.02)
-    assert eigenvalue < 1
+PLANE = [0, 2]
+WORLD = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 
 
-@pytest.mark.parametrize("payload", [-1.0, np.nan, np.inf])
-def test_payload_is_checked(payload: float) -> None:
-    with pytest.raises(ValueError, match="payload"):
-        loaded_model(payload)
+def random_motion(seed: int) -> tuple[Array, Array, Array]:
+    rng = np.random.default_rng(seed)
+    return rng.uniform(-1, 1, 7), rng.uniform(-3, 3, 7), rng.uniform(-20, 20, 7)
+
+
+@pytest.mark.parametrize("slope", [0.0, 6.0, -4.0])
+@pytest.mark.parametrize("seed", range(5))
+def test_mass_matrix_and_bias_forces(seed: int, slope: float) -> None:
+    q, dq, _ = random_motion(seed)
+    model = loaded_model(slope=slope).model
+    data = model.createData()
+    upper = np.triu(pin.crba(model, data, q))
+    mass_matrix, bias_forces = symbolic_robot.dynamics(slope)
+    assert np.array(mass_matrix(q)) == pytest.approx(upper + np.triu(upper, 1).T, rel=1e-9, abs=1e-9)
+    assert np.array(bias_forces(q, dq)).ravel() == pytest.approx(pin.nle(model, data, q, dq), rel=1e-9, abs=1e-8)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_feet(seed: int) -> None:
+    q, dq, ddq = random_motion(seed)
+    model = loaded_model().model
+    data = model.createData()
+    pin.forwardKinematics(model, data, q, dq, ddq)
+    pin.updateFramePlacements(model, data)
+    motion = symbolic_robot.foot_motion()(q=q, dq=dq, ddq=ddq)
+    for leg, name in (("left", "stance"), ("right", "swing")):
+        frame = model.getFrameId(f"{leg}_foot")
+        velocity = pin.getFrameVelocity(model, data, frame, WORLD).linear[PLANE]
+        acceleration = pin.getFrameClassicalAcceleration(model, data, frame, WORLD).linear[PLANE]
+        jacobian = pin.computeFrameJacobian(model, data, q, frame, WORLD)[PLANE]
+        assert np.array(motion[name]).ravel() == pytest.approx(data.oMf[frame].translation[PLANE], abs=1e-12)
+        assert np.array(motion[f"v_{name}"]).ravel() == pytest.approx(velocity, abs=1e-10)
+        assert np.array(motion[f"a_{name}"]).ravel() == pytest.approx(acceleration, abs=1e-9)
+        assert np.array(motion[f"J_{name}"]) == pytest.approx(jacobian, abs=1e-12)

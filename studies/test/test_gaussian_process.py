@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from rabbit_rivals.gaussian_process import Kernel, Posterior, kernel_of, negative_log_likelihood, spread, with_one
+from rabbit_rivals.gaussian_process import Kernel, Posterior, kernel_of, negative_log_likelihood, spread
 
 N, D, M = 40, 3, 2
 
@@ -25,16 +25,6 @@ def test_with_all_transitions_it_is_the_exact_posterior() -> None:
     assert v @ covariance @ v == pytest.approx(prior - row @ inverse @ row, abs=1e-4)
 
 
-def test_without_noise_it_goes_through_the_transitions() -> None:
-    kernel, x, w, z = data(noise=1e-3)
-    posterior = Posterior(kernel, x, w, z, np.arange(N))
-    for i in range(N):
-        mean, covariance = posterior.at(x[i])
-        v = np.array([1.0, *w[i]])
-        assert v @ mean == pytest.approx(z[i], abs=5e-3)
-        assert 0 <= v @ covariance @ v < 1e-4
-
-
 def test_a_few_inducing_transitions_still_know_all_and_far_away_the_prior_holds() -> None:
     kernel, x, w, z = data()
     posterior = Posterior(kernel, x, w, z, spread(kernel, x, w, 15))
@@ -47,14 +37,6 @@ def test_a_few_inducing_transitions_still_know_all_and_far_away_the_prior_holds(
     assert covariance == pytest.approx(np.diag(kernel.signal**2))
 
 
-def test_the_kernel_is_that_of_independent_parts() -> None:
-    kernel, x, w, _ = data()
-    parts = kernel.components(x, x)
-    sampled = sum(np.outer(v, v) * part for v, part in zip(with_one(w).T, parts, strict=True))
-    assert kernel(x, w, x, w) == pytest.approx(sampled)
-    assert np.diag(kernel(x, w, x, w)) == pytest.approx(kernel.variance(w))
-
-
 def test_the_gradient_of_the_likelihood_is_its_slope() -> None:
     _, x, w, z = data()
     at = np.log([1.0, 0.8, 0.5, 1.0, 2.0, 1.5, 0.2])
@@ -63,11 +45,3 @@ def test_the_gradient_of_the_likelihood_is_its_slope() -> None:
         above, below = (negative_log_likelihood(at + sign * step, x, w, z)[0] for sign in (1, -1))
         assert gradient[i] == pytest.approx((above - below) / 2e-5, rel=1e-4, abs=1e-4)
     assert kernel_of(at, M).noise == pytest.approx(0.2)
-
-
-def test_the_inducing_transitions_are_those_that_are_not_known_yet() -> None:
-    kernel, x, w, _ = data()
-    twice, inputs = np.concatenate([x, x]), np.concatenate([w, w])
-    chosen = spread(kernel, twice, inputs, 2 * N)
-    assert len(set(chosen % N)) == len(chosen) <= N
-    assert chosen[0] % N == np.argmax(kernel.variance(w))

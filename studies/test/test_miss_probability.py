@@ -5,7 +5,7 @@ import pytest
 from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.evaluation import episode
 from rabbit_misses.model import MissProbability
-from rabbit_misses.study import FIT_SEED, JUDGE_SEED, Bin, judged, stormy_walks
+from rabbit_misses.study import judged
 from rabbit_misses.touchdowns import FEATURES, Touchdowns
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import load_parameters
@@ -37,22 +37,6 @@ def test_the_true_probabilities_are_found() -> None:
     assert sum(each.holds for each in judgement.bins) >= len(judgement.bins) - 1
 
 
-def test_where_nothing_matters_it_is_the_mean_rate() -> None:
-    rows, missed, _ = drawn(3, strength=0.0)
-    found, rate = fitted(4, strength=0.0).at(rows), missed.mean()
-    # the fit's own variance in log-odds: each weight's is 1 / (n rate (1 - rate)) by the Fisher information
-    variance = len(FEATURES) / (STEPS * rate * (1 - rate))
-    assert np.mean(np.log(found / rate) ** 2) < 3 * variance
-    assert abs(judged(found, missed).skill) < 0.01
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_the_mean_probability_is_the_rate_of_misses_in_what_was_fitted(seed: int) -> None:
-    """The likelihood's derivative by the bias, zero at the fit, is the sum of p less that of the misses."""
-    rows, missed, _ = drawn(seed)
-    assert MissProbability.fitted(rows, missed, "").at(rows).mean() == pytest.approx(missed.mean(), rel=1e-3)
-
-
 def test_the_features_are_those_of_the_landings() -> None:
     """Step lengths, stones and times as the simulator counts them."""
     tuning = load_parameters("best")
@@ -76,20 +60,3 @@ def test_the_features_are_those_of_the_landings() -> None:
     assert column["speed"] == pytest.approx(column["step_length"] / (0.01 * ticks))
     assert np.all(column["largest_torque"] <= tuning.torque_limit + 1e-9)
     assert np.all(np.isfinite(rows))
-
-
-def test_a_bin_holds_if_the_mean_lies_in_its_interval() -> None:
-    p, missed = np.array([0.005] * 1000 + [0.03] * 100), np.array([1.0] * 5 + [0.0] * 995 + [1.0] * 30 + [0.0] * 70)
-    low, high = judged(p, missed).bins
-    assert (low.misses, low.steps, low.holds) == (5, 1000, True)
-    assert (high.misses, high.steps, high.holds) == (30, 100, False)
-    assert Bin(0.0, 1.0, 0.5, 5, 10).holds
-
-
-def test_walks_that_fit_and_walks_that_judge_share_no_plant() -> None:
-    fit, judge = (stormy_walks(20, seed, "best") for seed in (FIT_SEED, JUDGE_SEED))
-    changed = [[each.assembly.simulation.model_dump_json() for each in walks] for walks in (fit, judge)]
-    alike = set(changed[0]) & set(changed[1])
-    unchanged = SimulationParameters(terrain="stones", stones=20, motor_lag=0.004).model_dump_json()
-    assert alike <= {unchanged}
-    assert not {each.seed for each in fit} & {each.seed for each in judge}

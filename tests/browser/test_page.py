@@ -1,11 +1,9 @@
-"""The page in a real browser: every control is clicked, and what is drawn and the numbers behind it are looked at."""
+"""The page in a real browser: every control is clicked, and what is drawn is looked at; a task of one's own."""
 
-import os
 import re
 import subprocess
 import time
 from collections.abc import Iterator
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -93,50 +91,6 @@ def test_a_first_visit_sees_the_walk_the_fall_and_why(chromium: Chromium) -> Non
         assert served.end() == 0
 
 
-def test_your_own_controller_barrier_and_policy_walk_on_the_page(
-    chromium: Chromium, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The controller by its entry point, the policy as a file, a recording beside them."""
-    own = tmp_path / "own-1.dist-info"
-    own.mkdir()
-    (own / "METADATA").write_text("Metadata-Version: 2.1\nName: own\nVersion: 1\n")
-    (own / "entry_points.txt").write_text("[rabbit.controllers]\npitch-rl-clf-qp = torso_pitch:CONTROLLER\n")
-    paths = [str(tmp_path), str(Path(__file__).parents[2] / "examples"), os.environ.get("PYTHONPATH", "")]
-    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(paths))
-    mine = ("--controller", "pitch-rl-clf-qp", "--policy", "zero", "--terrain", "flat", "--mass-scale", "1")
-    served = Served("play", *mine)
-    try:
-        page = chromium.open(served.address)
-        page.wait("rabbit.clock.row > 60")
-        assert page.look("rabbit.state.walk.walkers[0].about.barriers") == ["pitch"]
-        assert "yours pitch-rl-clf-qp, zero" in page.look("document.querySelector('#sentence').textContent")
-        lean = page.look("rabbit.state.walk.walkers[0].get(60, 'pitch')")
-        assert -0.1 < lean < 0.345
-        rows = page.look("[...document.querySelector('#row').options].map(({text}) => text)")
-        assert "pitch" in rows
-        page.drag("#time", 0.5)
-        page.wait("document.querySelector('#why pre').textContent.includes('pitch')")
-        page.choose("#second", "pitch-rl-clf-qp")
-        page.wait("rabbit.controls.state.waiting.includes('second')")
-        check_requests(page)
-    finally:
-        assert served.end() == 0
-    shipped = files("rl_cbf_clf_controller") / "policies" / "rl-cbf-clf-qp.safetensors"
-    (tmp_path / "mine.safetensors").write_bytes(shipped.read_bytes())
-    run = tmp_path / "run"
-    evaluate = [*RABBIT, "evaluate", "--runs", "1", "--stones", "3", "--pictures", "--out", str(run)]
-    subprocess.run(evaluate, check=True, timeout=300, stdout=subprocess.DEVNULL)
-    beside = ("--policy", str(tmp_path / "mine.safetensors"), "--recording", str(run), "--mass-scale", "2")
-    served = Served("play", *beside, "--stones", "3")
-    try:
-        page = chromium.open(served.address)
-        page.wait("rabbit.state.ended[0]?.outcome === 'walked' && rabbit.state.ended[1]?.outcome === 'walked'")
-        assert page.look("rabbit.state.walk.walkers.map(({about}) => about.name)") == ["yours", "recording"]
-        check_requests(page)
-    finally:
-        assert served.end() == 0
-
-
 def test_every_button_does_what_it_says(chromium: Chromium, played: str) -> None:
     page = chromium.open(played)
     page.wait(DRAWN)
@@ -203,3 +157,41 @@ def test_a_saved_walk_opens_from_disk_without_a_network(chromium: Chromium, tmp_
     assert marks == page.look("rabbit.state.ended[0].stones") - 1 or marks == 6
     assert page.look("document.querySelector('#controls').hidden")
     check_requests(page)
+
+
+CART_POLE = str(Path(__file__).resolve().parents[2] / "examples" / "cart_pole.py")
+INK = """(() => {
+  const canvas = document.querySelectorAll('#scenes canvas')[%d];
+  const data = canvas.getContext('2d').getImageData(0, 60, canvas.width, canvas.height - 60).data;
+  return new Set(new Uint32Array(data.buffer)).size;
+})()"""
+
+
+@pytest.fixture
+def task_played() -> Iterator[str]:
+    """The address of a task_played task."""
+    served = Served("play", "--task", CART_POLE)
+    yield served.address
+    assert served.end() == 0
+
+
+def test_a_task_rides_and_a_person_changes_it(chromium: Chromium, task_played: str) -> None:
+    page = chromium.open(task_played)
+    page.wait("rabbit.clock.row > 30 && rabbit.controls.state")
+    assert page.look(INK % 0) > 3
+    assert page.look(INK % 1) > 3
+    assert page.look("document.querySelector('#push-on')") is None
+    page.drag("#true_pole", 0.9)
+    page.wait("rabbit.controls.state.settings.true_pole > 1.5 && !rabbit.controls.state.waiting.includes('true_pole')")
+    page.drag("#added_wall", 0.9)
+    page.wait("rabbit.controls.state.waiting.includes('added_wall')")
+    page.choose("#row", "1")
+    page.wait("rabbit.plots.plots.some(({columns}) => columns.includes('margin_wall'))")
+    assert page.look("rabbit.plots.plots.some(({columns}) => columns.includes('multiplier_wall'))")
+    page.click("#reset")
+    page.wait("!rabbit.controls.state.waiting.length && rabbit.clock.row > 5")
+    page.wait("Object.keys(rabbit.state.ended).length")
+    page.click("#things button")
+    page.wait("!document.querySelector('#why').hidden")
+    assert "row     asks" in page.look("document.querySelector('#why pre').textContent")
+    assert page.errors == []

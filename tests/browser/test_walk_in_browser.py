@@ -1,8 +1,6 @@
 """The page where the robot walks in the browser itself: from a plain web server, then without any network."""
 
-import base64
 import gzip
-import json
 import threading
 from collections.abc import Iterator
 from functools import partial
@@ -12,7 +10,6 @@ from pathlib import Path
 import pytest
 from built_walk_page import build
 from chromium import Chromium, Page
-from rl_cbf_clf_controller.weights import policy_path
 
 WALKS = "rabbit.state.pictures > 5 && rabbit.controls.state"
 MOST_BYTES = 5_000_000  # of all that the page asks for, compressed
@@ -88,40 +85,3 @@ def test_what_is_changed_acts(chromium: Chromium, address: str) -> None:
     page.click("#reset")
     page.wait("rabbit.state.walk.walkers.length === 1")
     assert page.errors == []
-
-
-def test_a_link_holds_the_papers_comparison(chromium: Chromium, address: str) -> None:
-    page = chromium.open(address)
-    page.wait(WALKS)
-    page.click("#words a")
-    page.wait("rabbit.state.ended[1]?.outcome === 'fall'")
-    assert settings(page)["second"] == "nominal, same gain"
-    assert page.look("rabbit.state.walk.walkers[0].touchdowns") > 0
-    other = chromium.open(f"{address}#mass_scale=9")
-    other.wait("rabbit.state.refused === 1")
-    assert other.look("document.getElementById('notice').textContent") == "mass_scale = 9: expected 0.5 to 3"
-
-
-def test_a_policy_file_is_dropped(chromium: Chromium, address: str) -> None:
-    page = chromium.open(f"{address}#first=learned&mass_scale=1")
-    page.wait(WALKS)
-    for name, data in (("worse", policy_path("rl-clf-qp").read_bytes()), ("none", b"nothing")):
-        drop(page, name, data)
-    page.wait("rabbit.state.refused === 2")
-    learned = "rabbit.source.player.parts.compiled.learned"
-    first_weight = f"{learned}.numbers({learned}.exports.policy_weights.value, 1, Float32Array)[0]"
-    before = page.look(first_weight)
-    drop(page, "other.safetensors", policy_path("rl-cbf-clf-qp-scale-0.7").read_bytes())
-    page.wait("rabbit.state.walk.walkers[0].marks.some(({kind}) => kind === 'swapped')")
-    assert page.look(first_weight) != before
-    assert page.errors == []
-
-
-def drop(page: Page, name: str, data: bytes) -> None:
-    """Let a file fall on the page."""
-    text = base64.b64encode(data).decode()
-    page.look(f"""(() => {{
-      const bytes = Uint8Array.from(atob("{text}"), (letter) => letter.charCodeAt(0)), files = new DataTransfer();
-      files.items.add(new File([bytes], {json.dumps(name)}));
-      document.body.dispatchEvent(new DragEvent("drop", {{dataTransfer: files, bubbles: true, cancelable: true}}));
-    }})()""")

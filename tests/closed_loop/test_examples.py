@@ -1,14 +1,21 @@
-"""The examples run as they stand, for a few steps, and show what they claim."""
+"""The examples run as they stand and show what they claim; each walk of the lesson ends as its answer says."""
 
 import importlib.util
+import json
 import re
+import shlex
 import sys
 from pathlib import Path
+from typing import Any
+from urllib.parse import parse_qsl, urlsplit
 
-import casadi as ca
 import numpy as np
 import pytest
-from cbf_clf_qp.functions import NumpyFunction
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_viewer.commands.play import DEFAULTS
+from rabbit_viewer.play.settings import NOBODY, Start, plant_of, settings_of
+from rabbit_viewer.play.walker import Walker
+from rl_cbf_clf_controller.parameters import ControllerParameters
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -48,20 +55,6 @@ def test_cruise_control_of_a_lighter_car_breaks_the_limit_without_it():
     assert max(cruise.drive(0.5, perfect=False)) > cruise.V_LIMIT + 0.05
 
 
-def test_own_robots_energy_changes_by_the_motors_power():
-    """Along the motion, H = momentum' dq - (kinetic - potential energy) changes by u' dq."""
-    arm = load("own_robot")
-    total = ca.dot(arm.momentum, arm.dq) - arm.energy
-    inputs = {"x": arm.arm.x, "u": arm.u, "p": arm.arm.p}
-    motion = NumpyFunction.of("motion", inputs, {"x_dot": arm.arm.x_dot, "energy": total})
-    rng, h, mass = np.random.default_rng(0), 1e-6, np.array([arm.TRUE])
-    for _ in range(5):
-        x, u = rng.normal(size=4), rng.normal(size=2)
-        x_dot = motion(x, u, mass).x_dot
-        ahead, behind = (motion(x + t * x_dot, u, mass).energy for t in (h, -h))
-        assert (ahead - behind) / (2 * h) == pytest.approx(u @ x[2:], abs=1e-6)
-
-
 def test_notebook_goes_from_a_policy_to_the_figures(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(sys, "argv", ["notebook.py", "--runs", "3", "--stones", "4", "--out", str(tmp_path)])
     notebook = load("notebook")
@@ -85,3 +78,71 @@ def test_the_worked_tick_has_the_numbers_of_its_page(capsys):
     required = float(re.search(r"^-K_b .* (\S+)$", said, re.MULTILINE)[1])
     assert required == pytest.approx(-4900 * B1 - 140 * dB1, rel=0.02)
     assert float(re.search(r"^B1'' estimated +(\S+)", said, re.MULTILINE)[1]) == pytest.approx(required, rel=0.01)
+
+
+ROOT = Path(__file__).parents[2]
+NOTEBOOK = ROOT / "examples" / "lesson.ipynb"
+LESSON = (ROOT / "docs" / "lesson.md").read_text(encoding="utf-8")
+OPENED = r"\[[^]]+\]\((?P<link>[^)]+)\)|`rabbit play (?P<options>[^`]+)`"
+ROWS = list(re.finditer(rf"^\| (?:{OPENED}) \|(?P<ends>.+)\|$", LESSON, re.MULTILINE))
+
+
+def asked(row: re.Match[str]) -> dict[str, Any]:
+    """The settings of a link, or the options of a command, by name."""
+    if row["link"]:
+        return dict(parse_qsl(urlsplit(row["link"]).fragment))
+    words = shlex.split(row["options"])
+    names = [word.removeprefix("--").replace("-", "_") for word in words[::2]]
+    return dict(zip(names, words[1::2], strict=True))
+
+
+def start(given: dict[str, Any]) -> Start:
+    """What the page begins with."""
+    plant, robots, course, controller = {**DEFAULTS.always}, {}, {}, {}
+    for name, value in given.items():
+        kind = next(
+            into
+            for fields, into in (
+                ({"first", "second"}, robots),
+                ({"seed"}, course),
+                (SimulationParameters.model_fields, plant),
+                (ControllerParameters.model_fields, controller),
+            )
+            if name in fields
+        )
+        kind[name] = value
+    base = SimulationParameters.model_validate(plant)
+    settings = settings_of(base, **robots, **course)
+    return Start(settings=settings, plant=base, controller=ControllerParameters.model_validate(controller))
+
+
+def walked(name: str, begun: Start) -> str:
+    """How the robot of this name does, in the lesson's words."""
+    walker = Walker(name, begun, plant_of(begun.plant, begun.settings), begun.settings.seed)
+    try:
+        while not walker.outcome:
+            walker.tick()
+        ended = walker.ended
+    finally:
+        walker.close()
+    return "walks" if ended["outcome"] == "walked" else f"falls after {ended['stones']}"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("row", ROWS, ids=lambda row: row["options"] or row["link"].partition("#")[2])
+def test_a_walk_ends_as_the_answer_says(row: re.Match[str]) -> None:
+    begun = start(asked(row))
+    robots = [name for name in (begun.settings.first, begun.settings.second) if name != NOBODY]
+    assert [walked(name, begun) for name in robots] == [end.strip() for end in row["ends"].split("|")]
+
+
+@pytest.mark.thorough
+def test_the_notebook_runs_from_above_to_below(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    space: dict[str, Any] = {}
+    cells = json.loads(NOTEBOOK.read_text(encoding="utf-8"))["cells"]
+    for source in ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]:
+        exec(source.replace("RUNS = 3", "RUNS = 1"), space)  # as Jupyter does
+    assert {"mass", "gain", "width", "friction", "push", "noise", "delay", "learning"} <= space["shares"].keys()
+    assert all(0 <= share <= 1 for curves in space["shares"].values() for curve in curves.values() for share in curve)
+    assert space["shares"]["mass"]["best"][2] == 1  # twice the mass

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cbf_clf_qp.daqp_source import SourceError, unpack_daqp
 from rabbit_description.task_source import load_task
 from rabbit_estimator.contact_aided_filter import sensors_row
 from rabbit_experiments.assembly import Assembly, exported_estimator, resolve_policy
@@ -60,17 +59,6 @@ def test_each_torque_has_the_bits_of_pythons(name: str, policy: str, plant: dict
     in_python, in_c, said = walked_in_python_and_c(name, policy, tmp_path, **plant)
     assert in_c.tobytes() == in_python.tobytes()
     assert said == f"{STONES} of {STONES} stones in {len(in_python)} ticks\n"
-
-
-@THOROUGH
-def test_daqps_source_has_the_bits_of_casadis_library(tmp_path: Path) -> None:
-    try:
-        source = unpack_daqp(tmp_path)
-    except SourceError as error:
-        pytest.skip(str(error))
-    in_python, in_c, _ = walked_in_python_and_c("best", "zero", tmp_path / "out", daqp=source)
-    assert in_c.tobytes() == in_python.tobytes()
-    assert (tmp_path / "out" / "daqp" / "src" / "api.o").is_file()
 
 
 @THOROUGH

@@ -18,12 +18,10 @@ from rabbit_description.task_source import load_task
 from rabbit_description.task_state import p_of
 from rabbit_gait_design.hybrid_zero_dynamics import RepeatedStep, Walker
 from rabbit_gait_design.pinocchio_model import PinocchioModel
-from rabbit_recording.contents import contents
-from rabbit_recording.task_recording import differing, recorded_ride, write_ride
 from rl_cbf_clf_controller.planar_walker import read_walker
 from rl_cbf_clf_controller.task_controller import TaskController
 from rl_trainer.task_episode import ride_of
-from rl_trainer.task_training import train, transitions_of
+from rl_trainer.task_training import transitions_of
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 GRAVITY, BOUNCE = 9.81, 0.8
@@ -58,14 +56,6 @@ def test_a_ball_bounces_by_its_closed_form():
             assert impacts == n
             assert x == pytest.approx([rate * since - GRAVITY * since**2 / 2, rate - GRAVITY * since], abs=1e-9)
     assert impacts == 2
-
-
-def test_an_episode_is_done_after_its_impacts_and_failed_without_them():
-    ride = ride_of(TaskController(ball(impacts=2)), "nominal", 1)
-    assert (ride.outcome, ride.impacts) == ("done", 2)
-    assert ride.moments[-1].state.touchdowns == 1
-    late = ride_of(TaskController(ball(impacts=3, duration=1.5)), "nominal", 1)
-    assert (late.outcome, late.impacts, len(late.moments)) == ("failed", 2, 30)
 
 
 def floating(walker, x):
@@ -164,15 +154,6 @@ def test_no_transition_spans_an_impact_and_the_oracles_estimates_are_what_is_mea
     assert np.sqrt(np.mean(errors**2)) < 0.05 * np.sqrt(np.mean(targets**2))
 
 
-def test_a_walk_is_recorded_and_replayed_to_the_bit(walker, tmp_path):
-    task = replace(walker.task, impacts=5)
-    ride = ride_of(TaskController(task), "oracle", 3)
-    write_ride(ride, tmp_path / "bag", None)
-    (episode,) = contents(tmp_path / "bag").episodes
-    assert (episode.recorded, episode.lost, episode.outcome) == (len(ride.moments), 0, "done")
-    assert differing(task, tmp_path / "bag") == (len(ride.moments), [], 0.0)
-
-
 def on_stones(tmp_path, name="amber_3m", stones="{nearest: 0.33, farthest: 0.37}"):
     """The task of that example's file, once it has stones."""
     for kind in (".yaml", ".urdf"):
@@ -203,28 +184,12 @@ def test_a_foot_beside_its_stone_finds_no_ground(tmp_path):
     assert "swing foot" in ride.reason
 
 
-@pytest.mark.timeout(600)  # s, on a busy machine
-def test_a_short_training_finds_most_of_the_error():
-    """Held out: a walk of the oracle, which no training saw; 1 is the nominal controller's error."""
-    task = load_task(str(EXAMPLES / "three_link_walker.yaml"))
-    policy, problem = train(replace(task, impacts=10), 1, episodes=3)
-    controller = TaskController(replace(task, impacts=6), problem)
-    ride = ride_of(controller, "oracle", 77, sigma=1.0)
-    assert ride.outcome == "done"
-    sound = transitions_of(ride, problem)
-    error = [policy.act(item.observation, item.LgV).error(item.mu)[0] - item.target[0] for item in sound]
-    assert np.linalg.norm(error) < 0.3 * np.linalg.norm([item.target[0] for item in sound])
-    assert ride_of(controller, policy, 77).outcome == "done"
-
-
 @pytest.mark.parametrize(
     ("old", "new", "text"),
     [
-        ("urdf: three_link_walker.urdf", "urdf: nosuch.urdf", "No such file"),
         ("{hip: right_hip,", "{knee: right_hip,", "expected foot and joints by the same names"),
         ("phase_range: [-0.2527,", "phase_range: [0.2527,", "expected a sum that grows"),
-        ("limit: 100", "limit: -1", "limit"),
-        ("limit: 100", "limits: 100", "limits"),
+        ("limit: 100", "limits: -1", "limits"),
         ("limit: 100", "limit: 100\nstones: {nearest: 0.4, farthest: 0.3}", "expected nearest <= farthest"),
     ],
 )
@@ -239,7 +204,7 @@ def test_a_wrong_file_is_one_line(tmp_path, old, new, text):
     assert "\n" not in str(error.value)
 
 
-def test_a_failure_names_its_limit(tmp_path):
+def test_a_failure_names_its_limit():
     """Each limit in turn is set to where the three-link walker passes it first."""
     walker = read_walker(EXAMPLES / "three_link_walker.yaml")
     ride = ride_of(TaskController(replace(walker.task, impacts=10)), "nominal", 5)
@@ -252,5 +217,3 @@ def test_a_failure_names_its_limit(tmp_path):
     ended = ride_of(TaskController(high), "oracle", 5)
     assert (ended.outcome, len(ended.moments)) == ("failed", 1)
     assert re.fullmatch(r"hip = 0\.9\d+: expected at least 2 m", ended.reason)
-    write_ride(ended, tmp_path / "bag", None)
-    assert recorded_ride(high, tmp_path / "bag").reason == ended.reason

@@ -1,13 +1,15 @@
-"""The same run by every road within a process gives the same digits."""
+"""The same run by every road gives the same digits, in this process and in a new one elsewhere."""
 
+import multiprocessing
 import os
 import shutil
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from itertools import zip_longest
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+import pytest
 from drawn_runs import Digits, Run, assert_same, digits, replay, runs, tick_of, walk
 from hypothesis import Phase, given, settings
 from rabbit_description import GAITS, LIBRARIES
@@ -20,12 +22,6 @@ def with_used_parts(run: Run, other: Run) -> Digits:
     with run.parts() as parts:
         digits(run.model_copy(update={"seed": other.seed, "ticks": other.ticks}), parts)
         return digits(run, parts)
-
-
-def after_another(run: Run, other: Run) -> Digits:
-    """When the process has walked another run."""
-    digits(other)
-    return digits(run)
 
 
 def rehearsed(run: Run, other: Run) -> Digits:
@@ -103,7 +99,6 @@ def replayed(run: Run, other: Run) -> Digits:
 
 ROADS = (
     with_used_parts,
-    after_another,
     rehearsed,
     read_late,
     interleaved,
@@ -120,3 +115,20 @@ def test_every_road_has_the_same_digits(run: Run, other: Run) -> None:
     expected = digits(run)
     for road in ROADS:
         assert_same(road(run, other), expected, run, f"{road.__name__} {other!r}")
+
+
+ELSEWHERE = {"TZ": "Asia/Kathmandu", "LC_ALL": "de_DE.UTF-8", "PYTHONHASHSEED": "4711", "PYTHONOPTIMIZE": "2"}
+ELSEWHERE |= {"OMP_NUM_THREADS": "4", "OPENBLAS_NUM_THREADS": "4", "PYTHONMALLOC": "debug"}
+
+
+@settings(max_examples=max(settings.default.max_examples // 50, 1), phases=(Phase.reuse, Phase.generate))
+@given(run=runs())
+def test_a_new_process_has_the_same_digits(tmp_path_factory: pytest.TempPathFactory, run: Run) -> None:
+    """With other settings of the machine, in an empty folder."""
+    spawn = multiprocessing.get_context("spawn")
+    with pytest.MonkeyPatch.context() as patch:
+        for name, value in (ELSEWHERE | {"HOME": str(tmp_path_factory.mktemp("home"))}).items():
+            patch.setenv(name, value)
+        with ProcessPoolExecutor(1, spawn, initializer=os.chdir, initargs=(os.environ["HOME"],)) as pool:
+            found = pool.submit(digits, run).result()
+    assert_same(found, digits(run), run, "a new process")

@@ -52,6 +52,23 @@ class World:
         options = ("--ros-args", "--params-file", str(path), "-r", f"__ns:=/{self.namespace}", "-r", "/clock:=clock")
         self.processes.start(name, (*options, *arguments))
 
+    def start_task(self, node: str, task: object, executable: str = "", **parameters: Any) -> None:
+        """Start one of the graph's nodes, of a task."""
+        package = {"simulator": "rabbit_sim", "trainer": "rl_trainer"}.get(node, "rl_cbf_clf_controller")
+        words = [word for name, value in ({"task": task} | parameters).items() for word in ("-p", f"{name}:={value}")]
+        told = ("--ros-args", "-r", f"__ns:=/{self.namespace}", *words)
+        self.processes.start(node, told, executable or node, package)
+
+    def ended(self, number: int = 0) -> Any:
+        """The announcement of an episode's end, of any or of this number, once it is there."""
+        from rabbit_msgs.msg import Episode
+
+        def those() -> list[Any]:
+            return [e for e in self.hear("episode") if e.phase == Episode.ENDED and number in (0, e.episode)]
+
+        self.wait(lambda: bool(those()))
+        return those()[-1]
+
     def hear(self, name: str) -> list[Any]:
         """All messages of a topic from now on, and those that are latched."""
         from rabbit_common.ros.topics import TOPICS

@@ -1,45 +1,22 @@
-"""docs/topics.md, the parameter files and the nodes say the same."""
+"""What the nodes do is what docs, parameter files and the SROS 2 policy say, and nothing else."""
 
 import inspect
 import re
+import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
-import rabbit_estimator.parameters
-import rl_cbf_clf_controller.ros.node
-import rl_cbf_clf_controller.ros.policies
-import rl_trainer.ros.node
+import pytest
 import yaml
-from pydantic import BaseModel
+from rabbit_bringup.launching.walk import WalkOptions
+from rabbit_bringup.ros.walk_monitor import WalkMonitor
 from rabbit_common.ros.topics import TOPICS
-from rabbit_estimator.parameters import EstimatorParameters
-from rabbit_recording.ros import recorder as recorder_node
-from rabbit_sim.parameters import SimulationParameters
-from rabbit_sim.ros import node as simulator
-from rabbit_viewer.live.parameters import ViewerParameters
-from rclpy.node import Node
-from rl_trainer.parameters import TrainingParameters
+from rclpy.node import Node, NodeNameNonExistentError
 
 ROOT = Path(__file__).parents[2]
 BRINGUP = ROOT / "ros2_ws" / "src" / "rabbit_bringup"
-MODELS: dict[str, tuple[type[BaseModel], ...]] = {
-    "simulator": (simulator.NodeParameters, SimulationParameters),
-    "estimator": (rabbit_estimator.parameters.NodeParameters, EstimatorParameters),
-    "controller": (rl_cbf_clf_controller.ros.policies.NodeParameters, rl_cbf_clf_controller.ros.node.Settings),
-    "trainer": (rl_trainer.ros.node.NodeParameters, TrainingParameters),
-    "recorder": (recorder_node.NodeParameters,),
-    "viewer": (ViewerParameters,),
-}
-
-
-def test_graph_yaml_names_known_parameters_with_their_values() -> None:
-    content = yaml.safe_load((BRINGUP / "config" / "graph.yaml").read_text(encoding="utf-8"))
-    assert {key.removeprefix("/**/") for key in content} <= set(MODELS)
-    for key, body in content.items():
-        left: dict[str, Any] = dict(body["ros__parameters"])
-        for model in MODELS[key.removeprefix("/**/")]:
-            model.model_validate({name: left.pop(name) for name in list(left) if name in model.model_fields})
-        assert not left
 
 
 def test_rosbag2_is_told_how_to_keep_every_tick() -> None:
@@ -62,3 +39,107 @@ def test_no_node_hides_an_attribute_of_rclpy() -> None:
         if "(Node)" in text:
             ours = set(re.findall(r"self\.(\w+)(?:: [^=\n]+)? =", text)) | set(re.findall(r"def (\w+)\(self", text))
             assert ours & theirs <= {"__init__"}, path
+
+
+POLICY = Path(__file__).parents[2] / "ros2_ws/src/rabbit_bringup/config/sros2_policy.xml"
+NODES = ("simulator", "controller", "trainer", "recorder", "viewer")
+LAB = {"/measured", "/imu", "/true_state"}  # published with a lab's sensors, in place of `state`
+QUALIFIERS = {"topics": ("publish", "subscribe"), "services": ("reply", "request")}
+PATIENCE = 180.0  # s, for nodes to start and to be found
+Rights = dict[str, set[str]]  # names by publish, subscribe, reply, request
+
+
+def allowed(profile: ElementTree.Element) -> Rights:
+    """What a profile allows, by full names."""
+    rights: Rights = {"publish": set(), "subscribe": set(), "reply": set(), "request": set()}
+    for rule in profile:
+        for qualifier in QUALIFIERS[rule.tag]:
+            if rule.get(qualifier) is not None:
+                assert rule.get(qualifier) == "ALLOW"
+                rights[qualifier] |= {full_name(str(name.text), profile) for name in rule}
+    return rights
+
+
+def full_name(name: str, profile: ElementTree.Element) -> str:
+    """As SROS 2 reads it."""
+    if name.startswith("~"):
+        return f"/{profile.get('node')}{name[1:]}"
+    return name if name.startswith("/") else f"/{name}"
+
+
+def enclaves() -> dict[str, dict[str, Rights]]:
+    """Rights by enclave and node."""
+    found = ElementTree.parse(POLICY).iterfind("enclaves/enclave")
+    return {str(e.get("path")): {str(p.get("node")): allowed(p) for p in e.iter("profile")} for e in found}
+
+
+def done(node: Any, name: str) -> Rights:
+    """What the node of this name has opened in the graph."""
+    asked = {
+        "publish": node.get_publisher_names_and_types_by_node,
+        "subscribe": node.get_subscriber_names_and_types_by_node,
+        "reply": node.get_service_names_and_types_by_node,
+        "request": node.get_client_names_and_types_by_node,
+    }
+    try:
+        return {qualifier: {each for each, _ in ask(name, "/")} for qualifier, ask in asked.items()}
+    except NodeNameNonExistentError:
+        return {}
+
+
+@pytest.fixture
+def graph(root_world: Any, tmp_path: Path) -> Iterator[Any]:
+    """Every node and the launcher, in the namespace that the policy is for."""
+    for name in NODES:
+        own = {"viewer": {"port": 0}, "recorder": {"path": str(tmp_path / "recording")}}
+        root_world.start(name, **own.get(name, {}))
+    watch = WalkMonitor(WalkOptions(), root_world.processes)
+    yield root_world
+    watch.close()
+
+
+def settled(graph: Any, node: str, wanted: Rights) -> Rights:
+    """What a node does, once it does what is wanted; or after all patience."""
+    end = time.monotonic() + PATIENCE
+    while (now := done(graph.node, node)) != wanted and time.monotonic() < end:
+        graph.spin(0.2)
+    return now
+
+
+def test_every_node_does_just_what_its_enclave_allows(graph: Any) -> None:
+    policy = enclaves()
+    policy["/rabbit/simulator"]["simulator"]["publish"] -= LAB
+    for enclave in (*NODES, "launcher"):
+        for node, rights in policy[f"/rabbit/{enclave}"].items():
+            assert settled(graph, node, rights) == rights, node
+
+
+def test_with_a_labs_sensors_the_state_is_the_estimators(root_world: Any) -> None:
+    rights = enclaves()
+    rights["/rabbit/simulator"]["simulator"]["publish"] -= {"/state", "/tf", "/robot_description"}
+    root_world.start("simulator", sensors="lab")
+    root_world.start("estimator")
+    for node in ("simulator", "estimator"):
+        expected = rights[f"/rabbit/{node}"][node]
+        assert settled(root_world, node, expected) == expected, node
+
+
+def test_ros2_control_in_the_simulators_place(root_world: Any) -> None:
+    for name in ("ros2_control", "command_guard"):
+        root_world.processes.start(name, (), name, "rabbit_bringup")
+    for name in ("ros2_control", "command_guard"):
+        rights = enclaves()[f"/rabbit/{name}"][name]
+        assert settled(root_world, name, rights) == rights, name
+
+
+def test_a_viewer_that_may_control_calls_three_services_more(root_world: Any) -> None:
+    policy = enclaves()
+    more = {"/pause", "/reset_episode", "/load_policy"}
+    for node, rights in policy["/rabbit/viewer"].items():
+        expected = {**rights, "request": rights["request"] | (more if node == "viewer" else set())}
+        assert policy["/rabbit/viewer_control"][node] == expected
+    root_world.start("simulator")
+    root_world.start("controller")
+    root_world.start("viewer", port=0, control=True)
+    for node, rights in policy["/rabbit/viewer_control"].items():
+        assert settled(root_world, node, rights) == rights, node

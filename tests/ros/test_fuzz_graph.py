@@ -3,9 +3,7 @@
 Both are found by the graph's own introspection. Afterwards all nodes answer every service, and a walk is completed.
 """
 
-import math
 import random
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -13,15 +11,10 @@ from typing import Any
 import pytest
 from hostile_messages import hostile, hostile_request, type_named
 from hypothesis import settings
-from rabbit_common.ros.qos import TICK
 from rabbit_common.ros.services import call_service
-from rabbit_common.task_messages import parameter_fields
-from rabbit_description.task_source import load_task
-from rabbit_msgs.msg import Episode, TaskParameters
+from rabbit_msgs.msg import Episode
 from rcl_interfaces.msg import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
-from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray
 
 from .conftest import SHORT
 
@@ -156,57 +149,16 @@ def test_the_graph_of_a_walk(world: Any) -> None:
     assert faults(world) == []
 
 
-PACKAGES = {"simulator": "rabbit_sim", "trainer": "rl_trainer"}  # the others: rl_cbf_clf_controller
-
-
-def start_own(world: Any, name: str, executable: str = "", **parameters: Any) -> None:
-    """A node of the graph, of the Segway."""
-    told = {"task": SEGWAY, **parameters}.items()
-    words = [word for each, value in told for word in ("-p", f"{each}:={value}")]
-    arguments = ("--ros-args", "-r", f"__ns:=/{world.namespace}", *words)
-    world.processes.start(name, arguments, executable or name, PACKAGES.get(name, "rl_cbf_clf_controller"))
-
-
 @pytest.mark.timeout(3600)
 def test_the_graph_of_a_task(world: Any) -> None:
     episodes, nodes = world.hear("episode"), ["simulator", "controller", "trainer"]
-    start_own(world, "controller")
-    start_own(world, "trainer", folder=world.folder / "learned")
-    start_own(world, "simulator", episodes=100_000, readers=2, trainer="follow")
+    world.start_task("controller", SEGWAY)
+    world.start_task("trainer", SEGWAY, folder=world.folder / "learned")
+    world.start_task("simulator", SEGWAY, episodes=100_000, readers=2, trainer="follow")
     stranger = Stranger(world, nodes)
     stranger.sends(SENT, seed=1)
     stranger.makes_good()
     assert stranger.ask("load_policy", policy="zero").success
     episodes.clear()
     world.wait(lambda: any((e.phase, e.outcome) == (Episode.ENDED, "done") for e in episodes))
-    assert faults(world) == []
-
-
-@pytest.mark.timeout(3600)
-def test_the_controller_of_a_task_before_a_robot(world: Any) -> None:
-    commands = list[Any]()
-    world.node.create_subscription(Float64MultiArray, "commands", commands.append, 10)
-    start_own(world, "controller", "robot_controller", filters=True, stale=5.0, stale_wanted=60.0)
-    stranger = Stranger(world, ["controller"])
-    stranger.sends(SENT, seed=1)
-    stranger.makes_good()
-    assert all(math.isfinite(u) for each in commands for u in each.data)
-    assert stranger.ask("load_policy", policy="zero").success
-    task = load_task(str(SEGWAY))
-    x, commanded, _ = task.beginning(0)
-    p, zeros = task.parameters_at({}, commanded(0.0, 0)), [0.0] * len(x)
-    sound = {
-        "joint_states": JointState(name=task.names_of_q, position=x, velocity=zeros),
-        "parameters": TaskParameters(**parameter_fields(task, p)),
-        "wanted": Float64MultiArray(data=[1.0] * len(task.names_of_u)),
-    }
-    publishers = {name: world.node.create_publisher(type(message), name, TICK) for name, message in sound.items()}
-
-    def goes_on(until: Callable[[], bool]) -> bool:
-        for name, message in sound.items():
-            publishers[name].publish(message)
-        return until()
-
-    world.wait(lambda: goes_on(lambda: stranger.ask("pause", data=False).success))
-    world.wait(lambda: goes_on(lambda: any(commands[-1].data)))
     assert faults(world) == []

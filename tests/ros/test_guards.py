@@ -1,29 +1,24 @@
-"""A callback or a service that raises refuses what came, and takes the next one."""
+"""A callback or a service that raises refuses what came, and takes the next one; a node ends."""
 
-import math
+import signal
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 import rclpy
 from rabbit_common.guard import guarded
 from rabbit_common.ros.checked_node import FAULT, CheckedNode
 from rabbit_common.ros.services import call_service, guard_services
-from rabbit_common.task_messages import measured_fields, parameter_fields
-from rabbit_description.task_source import load_task
-from rabbit_description.task_state import task_state
-from rabbit_msgs.msg import Episode, EpisodePlan, RobotState, TaskParameters
+from rabbit_msgs.msg import EpisodePlan
 from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
 from rclpy.experimental import EventsExecutor
 from rclpy.serialization import serialize_message
 from rclpy.signals import SignalHandlerOptions
-from rl_cbf_clf_controller.ros.node import ControllerNode
 from std_srvs.srv import SetBool
 
-SEGWAY = Path(__file__).parents[2] / "examples" / "segway.py"
 UNKNOWN = Parameter(name="number", value=ParameterValue(type=77))  # a type that ROS has not
 NUMBER = Parameter(name="number", value=ParameterValue(type=2, integer_value=5))
 
@@ -115,26 +110,28 @@ def test_what_ends_a_process_is_a_reason_too_but_for_ctrl_c() -> None:
         safe(KeyboardInterrupt())
 
 
-def test_a_state_of_an_episode_that_never_was_makes_no_controller_deaf() -> None:
-    rclpy.init(args=["--ros-args", "-p", f"task:={SEGWAY}"], signal_handler_options=SignalHandlerOptions.NO)
-    node, task = ControllerNode(), load_task(str(SEGWAY))
-    try:
-        hears = {each.topic_name: each.callback for each in node.subscriptions}
-        x, commands, _ = task.beginning(1)
-        turn = {"episode": 1, "tick": 0}
-        now = task.parameters_at({}, commands(0.0, 0))
-        state = measured_fields(task_state(task, x, now, np.full(1, math.nan)))
-        p = parameter_fields(task, now)
-        for topic, message in (
-            ("/episode", Episode(episode=1, phase=Episode.RUNNING, sigma=math.nan, tick_seconds=task.seconds)),
-            ("/state", RobotState(episode=2**32 - 1, tick=7, **state)),
-            ("/parameters", TaskParameters(**turn, **p)),
-            ("/state", RobotState(**turn, **state)),
-        ):
-            hears[topic](bytes(serialize_message(message)))
-        assert node._answer is not None
-        assert (node._answer.episode, node._answer.tick, node._answer.fault) == (1, 0, "")
-    finally:
-        node.close()
-        node.destroy_node()
-        rclpy.try_shutdown()
+HANGS = """
+import ctypes
+from rabbit_common.ros import spin
+from rclpy.node import Node
+
+class Hanging(Node):
+    def __init__(self):
+        super().__init__("hanging")
+        self.create_timer(0.1, lambda: print("runs", flush=True))
+
+    def destroy_node(self):
+        ctypes.PyDLL(None).pause()  # keeps the interpreter's lock, as a middleware that waits for itself
+
+spin._MIDDLEWARE = 1
+spin.run(Hanging)
+"""
+
+
+def test_a_node_whose_middleware_hangs_ends_cleanly() -> None:
+    with subprocess.Popen([sys.executable, "-c", HANGS], stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "runs\n"
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=180)
+    assert process.returncode == 0

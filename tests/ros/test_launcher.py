@@ -1,7 +1,9 @@
-"""`rabbit walk` and `rabbit run` as a person uses them: exit codes, what they leave, and nobody left running."""
+"""`rabbit walk` and `rabbit run` as a person uses them, and the services of compose.yaml without Docker."""
 
 import json
 import os
+import re
+import shlex
 import signal
 import subprocess
 import time
@@ -15,8 +17,9 @@ import pytest
 import yaml
 from rabbit_command import RABBIT, rabbit
 from rabbit_common.exit_codes import ExitCode
+from rabbit_msgs.msg import Episode
 from rabbit_msgs.srv import ResetEpisode
-from rabbit_recording.reader import messages, read_episodes
+from rabbit_recording.reader import iterate_episodes, messages, read_episodes
 from rl_cbf_clf_controller.weights import decode, policy_path
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.training import Trainer
@@ -207,3 +210,50 @@ def test_nodes_walk_again_under_the_parameters_that_a_walk_has_left(tmp_path: Pa
     world.wait(lambda: len({message.tick for message in torques}) == len(before))
     by_tick = {message.tick: message.torque for message in torques}
     np.testing.assert_array_equal([by_tick[tick] for tick in sorted(by_tick)], before)
+
+
+ROOT = Path(__file__).resolve().parents[2]
+CHANGED = {"port 8765": "port 0", "0.0.0.0": "127.0.0.1", "pace:=1.0": "pace:=0.0"}
+MEMORY = "/dev/shm"  # of `ground`
+
+
+SERVICES = ("simulator", "controller", "trainer", "recorder", "viewer")
+
+
+@pytest.fixture
+def start(tmp_path: Path) -> Iterator[Callable[[str], subprocess.Popen[bytes]]]:
+    """Starts a service's command in one folder; two short episodes are walked."""
+    text = re.sub(r"\$\{\w+:-([^}]*)\}", r"\1", (ROOT / "docker" / "compose.yaml").read_text(encoding="utf-8"))
+    for word, other in {**CHANGED, MEMORY: str(tmp_path / "memory")}.items():
+        assert word in text
+        text = text.replace(word, other)
+    services, running = yaml.safe_load(text)["services"], list[subprocess.Popen[bytes]]()
+
+    def begin(name: str) -> subprocess.Popen[bytes]:
+        command = services[name]["command"] + " -p stones:=3 -p episodes:=2" * (name == "simulator")
+        running.append(subprocess.Popen(shlex.split(command), cwd=tmp_path, env={**os.environ, "OMP_NUM_THREADS": "1"}))
+        return running[-1]
+
+    yield begin
+    for process in running:
+        process.kill()
+        process.wait()
+
+
+def test_services_walk_and_record(start: Any, root_world: Any, tmp_path: Path) -> None:
+    """The simulator is killed in the first episode and started again, as its restart policy would."""
+    heard, torques = root_world.hear("episode"), root_world.hear("torque")
+    running = {name: start(name) for name in SERVICES}
+    root_world.wait(lambda: len(torques) > 20)
+    running["simulator"].kill()
+    running["simulator"] = start("simulator")
+    root_world.wait(lambda: any(e.episode == 2 and e.phase == Episode.ENDED for e in heard))
+    for process in running.values():
+        process.send_signal(signal.SIGTERM)
+    assert [process.wait(180) for process in running.values()] == [0] * len(SERVICES)
+    (recording,) = tmp_path.glob("recording-*")
+    broken, whole = iterate_episodes(recording)
+    assert (broken.number, broken.outcome) == (1, "reset")
+    assert (whole.number, whole.outcome) == (2, "walked")
+    assert whole.last - whole.first + 1 == whole.recorded + whole.lost
+    assert list((tmp_path / "training").iterdir())

@@ -1,11 +1,6 @@
 """Tasks of one's own through nodes: the same inputs as in process, swaps, refusals, and a filter before a robot."""
 
-import copy
 import dataclasses
-import json
-import subprocess
-import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +9,10 @@ import pytest
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from rabbit_command import rabbit
-from rabbit_common.ros.qos import EVENT, TICK
-from rabbit_common.task_messages import measured_fields, parameter_fields
+from rabbit_common.ros.qos import TICK
 from rabbit_description.task import ControlTask
 from rabbit_description.task_simulation import TaskSimulation
 from rabbit_description.task_source import load_task
-from rabbit_description.task_state import layout_of, task_state
 from rabbit_msgs import msg
 from rclpy.qos import qos_profile_sensor_data
 from rl_cbf_clf_controller.task_controller import NOMINAL, TaskController
@@ -32,25 +25,12 @@ from std_srvs.srv import SetBool
 from untrained_policy import policy_file, policy_metadata
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
-STAND_IN = Path(__file__).parents[1] / "shared" / "teleoperated_arm.py"
 SEED = 3
-# m, that may be missing: the obstacle's acceleration, which nobody publishes, over the product of the barrier's poles
-MARGIN = 0.2 * 1.6**2 / 18**2
 
 
 def path_of(name: str) -> str:
     """Of an example."""
     return str(EXAMPLES / (name if name.endswith(".yaml") else f"{name}.py"))
-
-
-PACKAGES = {"simulator": "rabbit_sim", "trainer": "rl_trainer"}  # the others: rl_cbf_clf_controller
-
-
-def start(world: Any, node: str, executable: str = "", **parameters: Any) -> None:
-    """One of the graph's nodes, of a task."""
-    words = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
-    arguments = ("--ros-args", "-r", f"__ns:=/{world.namespace}", *words)
-    world.processes.start(node, arguments, executable or node, PACKAGES.get(node, "rl_cbf_clf_controller"))
 
 
 def hear(world: Any, kind: Any, name: str, qos: Any = TICK) -> list[Any]:
@@ -65,18 +45,11 @@ def play(world: Any, name: str, episodes: int = 1, **of_controller: Any) -> list
     torques, said = hear(world, msg.TorqueCommand, "torque"), world.hear("diagnostics")
     hear(world, msg.TaskParameters, "parameters")
     states = hear(world, msg.RobotState, "state")
-    start(world, "controller", task=path_of(name), **of_controller)
+    world.start_task("controller", path_of(name), **of_controller)
     world.wait(lambda: any(s.name.endswith("/controller") for m in said for s in m.status))
-    start(world, "simulator", task=path_of(name), seed=SEED, episodes=episodes, readers=2, answer_timeout=60.0)
+    world.start_task("simulator", path_of(name), seed=SEED, episodes=episodes, readers=2, answer_timeout=60.0)
     world.wait(lambda: bool(states))
     return torques
-
-
-def ended(world: Any) -> msg.Episode:
-    """How the newest episode did."""
-    episodes = world.hear("episode")
-    world.wait(lambda: bool(episodes) and episodes[-1].phase == msg.Episode.ENDED)
-    return episodes[-1]
 
 
 def small_policy(task: ControlTask, number: int = 0) -> PolicyFile:
@@ -89,7 +62,7 @@ def small_policy(task: ControlTask, number: int = 0) -> PolicyFile:
 @pytest.mark.parametrize("name", ["segway", "obstacle_arm", "amber_3m.yaml"])
 def test_nodes_answer_as_a_ride_in_process(world: Any, name: str) -> None:
     torques = play(world, name)
-    end = ended(world)
+    end = world.ended()
     ride = ride_of(TaskController(load_task(path_of(name))), NOMINAL, SEED)
     assert (end.outcome, end.touchdowns) == (ride.outcome, ride.impacts)
     world.wait(lambda: len(torques) >= len(ride.moments))
@@ -127,87 +100,6 @@ def test_a_policy_is_swapped_between_two_ticks(world: Any) -> None:
     assert [each.policy_version == fit.version for each in rest] == [each.tick >= swap.tick for each in rest]
 
 
-def test_what_is_wrong_is_refused_and_counted(world: Any) -> None:
-    task = load_task(path_of("obstacle_arm"))
-    torques, said = hear(world, msg.TorqueCommand, "torque"), world.hear("diagnostics")
-    start(world, "controller", task=path_of("obstacle_arm"))
-    kinds = {"episode": msg.Episode, "state": msg.RobotState, "parameters": msg.TaskParameters}
-    say = {
-        name: world.node.create_publisher(kind, name, EVENT if name == "episode" else TICK)
-        for name, kind in kinds.items()
-    }
-    world.wait(lambda: all(each.get_subscription_count() for each in say.values()))
-    world.spin(0.5)
-    x, commands, _ = task.beginning(SEED)
-    turn = {"episode": 1, "tick": 0}
-    state = msg.RobotState(**turn, **measured_fields(task_state(task, x, np.zeros(0), np.zeros(2))))
-    parameters = msg.TaskParameters(**turn, **parameter_fields(task, task.parameters_at({}, commands(0.0, 0))))
-    say["episode"].publish(msg.Episode(episode=1, joints=["left_hip"]))
-    applied = [0.0] * 2
-    say["state"].publish(msg.RobotState(**turn, running=True, q=[0.0] * 7, dq=[0.0] * 7, applied=applied))
-    say["state"].publish(msg.RobotState(**turn, running=True, q=[0.0, np.nan], dq=[0.0] * 2, applied=applied))
-    say["parameters"].publish(msg.TaskParameters(**turn, names=["goal_x"], values=[0.0]))
-
-    def counts() -> dict[str, str]:
-        values = [v for m in said for s in m.status if s.name.endswith("/controller") for v in s.values]
-        return {v.key: v.value for v in values if v.key.startswith("refused")}
-
-    refused = ("episode: another robot", "state: wrong length", "state: not finite", "parameters: other names")
-    world.wait(lambda: counts() == {f"refused {name}": "1" for name in refused})
-    assert not torques
-    for name, message in (("state", state), ("parameters", parameters)):
-        say[name].publish(message)
-        world.spin(0.3)
-        assert not torques
-    say["episode"].publish(msg.Episode(episode=1, sigma=np.nan, **layout_of(task).names, tick_seconds=task.seconds))
-    world.wait(lambda: bool(torques))
-    first = TaskController(task).step(TaskSimulation(task).reset(SEED))
-    assert list(torques[0].torque) == first.torque.tolist()
-
-
-def test_a_simulator_with_another_tick_is_refused_in_one_line_that_names_both(world: Any) -> None:
-    path = world.folder / "slow.py"
-    path.write_text((EXAMPLES / "segway.py").read_text().replace("duration=8.0", "duration=8.0, seconds=0.02"))
-    start(world, "controller", task=str(path))
-    hear(world, msg.TaskParameters, "parameters")
-    hear(world, msg.RobotState, "state")
-    start(world, "simulator", task=path_of("segway"), readers=2)
-    end = ended(world)
-    said = "tick_seconds = 0.01 of the simulator; this controller has 0.02"
-    assert (end.outcome, end.tick, end.reason) == ("fault", 0, said)
-    assert (world.folder / "log" / "controller.log").read_text().count(said) == 1
-
-
-@pytest.fixture
-def arm(world: Any) -> Iterator["subprocess.Popen[str]"]:
-    """The teleoperated arm, in a process of its own."""
-    words = (
-        sys.executable,
-        STAND_IN,
-        json.dumps({"task": path_of("obstacle_arm"), "seed": 0, "commands": 1000, "held": 10}),
-    )
-    space = ("--ros-args", "-r", f"__ns:=/{world.namespace}")
-    process = subprocess.Popen([*words, *space], stdout=subprocess.PIPE, text=True)
-    yield process
-    process.kill()
-    process.wait()
-
-
-def test_a_teleoperated_arm_cannot_be_driven_into_the_obstacle(world: Any, arm: "subprocess.Popen[str]") -> None:
-    """1,000 random postures; the obstacle moves, its place and speed are published; the payload is known."""
-    stale = dict.fromkeys(("stale", "stale_parameters", "stale_wanted"), 10.0)
-    said = world.hear("diagnostics")
-    start(world, "controller", "robot_controller", task=path_of("obstacle_arm"), policy="oracle", filters=True, **stale)
-    world.wait(lambda: any(s.level == s.OK for m in said for s in m.status if s.name.endswith("/controller")))
-    assert world.ask(SetBool, "pause", data=False).success
-    out, _ = arm.communicate(timeout=400)
-    seen = json.loads(out)
-    print(seen)
-    assert seen["ticks"] == 10_000
-    assert seen["least"] > -MARGIN
-    assert seen["unfiltered"] < -0.1  # the same commands without the filter
-
-
 ROVER = """
 import casadi as ca
 from cbf_clf_qp import Barrier, System
@@ -228,7 +120,7 @@ def test_a_rover_is_filtered_from_odometry_to_twist_and_stops_where_states_fall_
     path.write_text(ROVER)
     said, twists = world.hear("diagnostics"), hear(world, Twist, "cmd_vel", 10)
     topics = {"input": "odom", "output": "cmd_vel", "filters": True, "stale": 1.0, "stale_wanted": 60.0}
-    start(world, "controller", "robot_controller", task=str(path), **topics)
+    world.start_task("controller", str(path), "robot_controller", **topics)
     odometry = world.node.create_publisher(Odometry, "odom", qos_profile_sensor_data)
     wanted = world.node.create_publisher(Float64MultiArray, "wanted", qos_profile_sensor_data)
     world.wait(lambda: all(each.get_subscription_count() for each in (odometry, wanted)))
@@ -264,10 +156,10 @@ def test_the_graph_learns_what_is_learned_in_process(world: Any, name: str) -> N
         text = file.read_text() + ("steps: 4\n" if file.suffix == ".yaml" else "")
         (world.folder / file.name).write_text(text)
     folder, task = world.folder / "learned", str(world.folder / name)
-    start(world, "trainer", task=task, seed=1, folder=str(folder))
-    start(world, "controller", task=task)
+    world.start_task("trainer", task, seed=1, folder=str(folder))
+    world.start_task("controller", task)
     simulated = {"episodes": 2, "readers": 2, "trainer": "follow", "answer_timeout": 60.0}
-    start(world, "simulator", task=task, **simulated)
+    world.start_task("simulator", task, **simulated)
     expected, _ = train(load_task(task), 1, episodes=2)
     path = folder / "policies" / "002.safetensors"
     world.wait(path.exists)
@@ -277,44 +169,21 @@ def test_the_graph_learns_what_is_learned_in_process(world: Any, name: str) -> N
         np.testing.assert_array_equal(learned.arrays[array], values)
 
 
-def test_a_trainer_that_comes_in_mid_episode_learns_and_the_graph_goes_on(world: Any) -> None:
-    task, folder = str(EXAMPLES / "segway.py"), world.folder / "learned"
-    episodes = hear(world, msg.Episode, "episode", EVENT)
-    start(world, "controller", task=task)
-    start(world, "simulator", task=task)
-    world.wait(lambda: any((each.episode, each.phase) == (2, msg.Episode.RUNNING) for each in episodes))
-    start(world, "trainer", task=task, folder=str(folder))
-    world.wait((folder / "policies" / "001.safetensors").exists)
-    then = episodes[-1].episode + 2
-    world.wait(lambda: any((e.phase, e.episode, e.outcome) == (msg.Episode.ENDED, then, "done") for e in episodes))
-
-
 def test_a_trainer_and_a_simulator_that_are_started_again_go_on(world: Any) -> None:
-    """Also a trainer that was led astray by an episode that never was."""
     task, folder = str(EXAMPLES / "segway.py"), world.folder / "learned"
-    episodes, words = (
-        hear(world, msg.Episode, "episode", EVENT),
-        world.node.create_publisher(msg.Episode, "episode", EVENT),
-    )
     played = {"task": task, "episodes": 1000, "readers": 2, "trainer": "follow"}
-    start(world, "controller", task=task)
-    start(world, "simulator", **played)
-    start(world, "trainer", task=task, folder=str(folder))
+    world.start_task("controller", task)
+    world.start_task("simulator", **played)
+    world.start_task("trainer", task, folder=str(folder))
 
     def learns_on() -> None:
         done = len(list((folder / "policies").glob("*.safetensors")))
         world.wait(lambda: (folder / "policies" / f"{done + 2:03d}.safetensors").exists())
 
     learns_on()
-    lie = copy.deepcopy(episodes[-1])
-    lie.episode, lie.phase = 77, msg.Episode.ENDED
-    words.publish(lie)
-    world.wait(lambda: any(each.episode == 77 for each in episodes))
-    learns_on()
-    world.node.destroy_publisher(words)  # a new simulator would hear the lie
     for name, parameters in (("trainer", {"task": task, "folder": str(folder)}), ("simulator", played)):
         world.processes.stop([name])
-        start(world, name, **parameters)
+        world.start_task(name, **parameters)
         learns_on()
 
 

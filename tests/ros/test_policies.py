@@ -134,12 +134,7 @@ def test_bad_policies_are_refused_with_a_reason_and_the_old_one_goes_on(world: A
         (tmp_path / f"{number}").write_bytes(data)
         answer = world.ask(LoadPolicy, "load_policy", policy=str(tmp_path / f"{number}"))
         assert (answer.success, reason in answer.message) == (False, True), answer.message
-    os.mkfifo(tmp_path / "fifo")
-    paths = {"No such file": tmp_path / "none", "directory": tmp_path, "device": Path("/dev/zero")}
-    paths |= {"pipe": tmp_path / "fifo", "": Path("/proc/kmsg")}  # whose readers may wait for ever
-    for reason, path in paths.items():
-        assert reason in world.ask(LoadPolicy, "load_policy", policy=str(path)).message
-    world.wait(lambda: len(swaps) == 1 + len(messages) + len(bad) + len(paths))
+    world.wait(lambda: len(swaps) == 1 + len(messages) + len(bad))
     world.wait(lambda: commands[-1].tick > swaps[-1].tick + 10)
     assert not over(episodes)
     assert [swap.version for swap in swaps if swap.accepted] == [good.version]
@@ -255,9 +250,3 @@ def test_an_operator_loads_policies_by_command(world: Any, tmp_path: Path) -> No
         1,
         "rabbit: no graph in namespace /nobody: start one with `rabbit walk`, or wait for one with --timeout\n",
     )
-    code, said = load(file, "--timeout", 0.5)
-    assert (code, said.count("\n")) == (1, 1)
-    assert "no answer from /load_policy after 0.5 s" in said
-    code, said = load(file, "--namespace", "two words")
-    assert (code, said.count("\n")) == (2, 1)
-    assert "--namespace two words: expected" in said

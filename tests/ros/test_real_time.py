@@ -4,14 +4,11 @@ Real time is slowed down (`pace`), so that a busy machine keeps it.
 """
 
 import os
-import signal
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticStatus
 from rabbit_common.priority import NICE
-from rabbit_description.state import TICK_SECONDS
 from rabbit_msgs.msg import Episode, Timing, TorqueCommand
 from std_srvs.srv import SetBool
 
@@ -71,25 +68,6 @@ def test_late_torques_are_told_to_the_controller(world: Any) -> None:
     assert [by_tick[tick].applied[0] for tick in range(1, late + 2)] == [1.0, 2.0, 3.0, 4.0, 4.0]
     assert timings[late].age > timings[late - 1].age > 0.0
     assert np.isnan(timings[late].response)
-
-
-def test_a_machine_that_is_not_fit_is_told_of(world: Any) -> None:
-    """The simulator is stopped for several ticks, so that one is late, which is more than none."""
-    timings, said = world.hear("timing"), world.hear("diagnostics")
-    world.start("simulator", **SLOW, late_limit=0.0)
-    world.start("controller")
-    world.go()
-    world.wait(lambda: bool(timings))
-    process = world.processes.pid("simulator")
-    os.kill(process, signal.SIGSTOP)
-    world.spin(5 * TICK_SECONDS / PACE)
-    os.kill(process, signal.SIGCONT)
-
-    def complaints() -> list[Any]:
-        return [s for m in said for s in m.status if s.level == DiagnosticStatus.WARN and "not fit" in s.message]
-
-    world.wait(lambda: bool(complaints()))
-    assert any(value.key == "late ticks" and int(value.value) > 0 for value in complaints()[0].values)
 
 
 def niceness(pid: int) -> dict[int, int]:

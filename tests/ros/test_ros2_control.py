@@ -11,10 +11,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rabbit_bringup.hardware import in_world
 from rabbit_common.ros.conversions import encoder_message, foot_wrench, header, imu_message
 from rabbit_description.state import BodySensors
-from rabbit_msgs.msg import Episode
 from rabbit_recording.timing import real_time_figures
 from rclpy.qos import qos_profile_sensor_data
 from std_msgs.msg import Float64MultiArray
@@ -73,19 +71,12 @@ def start(world: Any) -> Iterator[Start]:
         process.wait()
 
 
-def ended(world: Any) -> Episode:
-    """How the episode did."""
-    episodes = world.hear("episode")
-    world.wait(lambda: bool(episodes) and episodes[-1].phase == Episode.ENDED)
-    return episodes[-1]
-
-
 def test_the_robot_walks_through_standard_topics_alone(world: Any, start: Start, tmp_path: Path) -> None:
     world.start("recorder", path=str(tmp_path / "recording"))
     said = world.hear("diagnostics")
     world.wait(lambda: any(status.name.endswith("/recorder") for m in said for status in m.status))
     robot = start(20)
-    end = ended(world)
+    end = world.ended()
     assert (end.outcome, end.touchdowns) == ("walked", 20)
     seen = json.loads(robot.communicate(timeout=60)[0])
     assert (seen["outcome"], seen["stones"]) == ("walked", 20)
@@ -108,7 +99,7 @@ def test_strangers_before_the_robot_change_nothing(world: Any, start: Start) -> 
         assert not any(any(message.data) for message in world.commands)
 
     start(3, meet=meet)
-    end = ended(world)
+    end = world.ended()
     assert (end.outcome, end.touchdowns) == ("walked", 3)
     assert faults(world) == []
 
@@ -118,7 +109,7 @@ def test_it_stops_when_it_is_told_to(world: Any, start: Start) -> None:
     start(20)
     world.wait(lambda: bool(states) and states[-1].tick > 20)
     assert world.ask(SetBool, "pause", data=True).success
-    end = ended(world)
+    end = world.ended()
     assert (end.outcome, end.reason) == ("reset", "stopped by the service pause")
     assert_at_rest(world)
 
@@ -145,7 +136,7 @@ def test_wrong_sensors_end_the_walk_under_their_own_name(
     world: Any, start: Start, wrong: str, own: dict[str, Any], name: str
 ) -> None:
     start(20, wrong, 40, **own)
-    end = ended(world)
+    end = world.ended()
     assert end.outcome == "fault"
     assert end.reason.startswith(name)
     assert_at_rest(world)
@@ -174,7 +165,7 @@ def test_a_bridge_that_stood_still_sends_no_torque_of_old_sensors(world: Any, st
     world.spin(2 * SILENCE)
     world.commands.clear()
     world.processes.send("bridge", signal.SIGCONT)
-    end = ended(world)
+    end = world.ended()
     assert (end.outcome, end.reason[:14]) == ("fault", "no sensors for")
     assert not torques(world)
 
@@ -214,11 +205,3 @@ def test_a_robot_elsewhere_is_not_enabled_and_told_why(world: Any) -> None:
     world.wait(lambda: "not near" in refusal())
     assert "left_knee 1.50 (expected 0.21)" in refusal()
     assert "torso 0.00 (expected 0.29)" in refusal()
-
-
-def test_a_force_in_the_sole_is_that_of_the_ground() -> None:
-    rng = np.random.default_rng(0)
-    for angle in rng.uniform(-2, 2, 10):
-        force = rng.normal(size=2)
-        said = foot_wrench(force, float(angle), 0, header(1)).wrench.force
-        np.testing.assert_allclose(in_world(np.array([said.x, said.z]), angle), force)

@@ -1,6 +1,5 @@
 """The trainer through the graph: the same weights as in process, and nothing lost."""
 
-import itertools
 from typing import Any
 
 import pytest
@@ -113,21 +112,3 @@ def test_a_trainer_whose_learning_diverges_ends_at_once(world: Any) -> None:
     assert ended.value.code == ExitCode.NODE_DIED
     assert "Traceback" not in (world.folder / "log" / "trainer.log").read_text(encoding="utf-8")
     world.processes.stop(("trainer",))
-
-
-def test_transitions_carry_the_reward(world: Any) -> None:
-    transitions, episodes = world.hear("transition"), world.hear("episode")
-    world.start("simulator", motor_lag=0.004, stones=2)
-    world.start("controller", sigma=5.0)
-    world.start("trainer")
-    world.go()
-    world.wait(lambda: bool(episodes) and episodes[-1].phase == Episode.ENDED)
-    world.wait(lambda: len(transitions) == episodes[-1].tick)
-    for before, after in itertools.pairwise(transitions):
-        assert list(before.next_observation) == list(after.observation)
-        assert list(before.next_mu) == list(after.mu)
-    measured = [t for t in transitions if not t.doubt & 1]
-    assert len(measured) > 50
-    for t in measured:
-        assert t.reward <= 0
-        assert abs(t.reward - sum(t.reward_terms)) < 1e-9

@@ -166,31 +166,13 @@ def controllers(draw: st.DrawFn) -> ControllerParameters:
 
 
 PERTURBATIONS: dict[str, tuple[Any, ...]] = {  # round numbers: what is drawn is the mixture
-    "mass_scale": (0.7, 1.5, 2.0, 2.5),
-    "payload": (10.0, 40.0),
-    "left_leg_scale": (0.8, 1.3),
-    "motor_lag": (0.002, 0.004, 0.01),
-    "motor_loss": (0.1, 0.3),
-    "left_knee_gain": (0.8, 1.1),
-    "joint_damping": (0.5, 2.0),
-    "link_bend": (-0.02, 0.02),
-    "leg_stretch": (0.97, 1.03),
-    "sole_radius": (0.05,),
-    "slope": (-3.0, 2.0),
-    "encoder_resolution": (1e-4, 1e-3),
-    "velocity_noise": (0.01, 0.1),
-    "force_noise": (5.0, 20.0),
-    "torque_delay": (0.001, 0.005),
-    "torque_rate": (1e4, 1e5),
-    "sensors": ("lab",),
-    "push": (5.0, 20.0),
-    "coulomb": (1.0, 4.0),
-    "backlash": (0.1,),
-    "gear_stiffness": (5000.0,),
-    "ground_stiffness": (1e5,),
-    "ground_friction": (0.5,),
-    "stone_height": (0.02,),
-    "stone_width": (0.04, 0.1),
+    **{"mass_scale": (0.7, 1.5, 2.0, 2.5), "payload": (10.0, 40.0), "left_leg_scale": (0.8, 1.3)},
+    **{"motor_lag": (0.002, 0.004, 0.01), "motor_loss": (0.1, 0.3), "left_knee_gain": (0.8, 1.1)},
+    **{"joint_damping": (0.5, 2.0), "link_bend": (-0.02, 0.02), "leg_stretch": (0.97, 1.03), "sole_radius": (0.05,)},
+    **{"slope": (-3.0, 2.0), "encoder_resolution": (1e-4, 1e-3), "velocity_noise": (0.01, 0.1)},
+    **{"force_noise": (5.0, 20.0), "torque_delay": (0.001, 0.005), "torque_rate": (1e4, 1e5), "sensors": ("lab",)},
+    **{"push": (5.0, 20.0), "coulomb": (1.0, 4.0), "backlash": (0.1,), "gear_stiffness": (5000.0,)},
+    **{"ground_stiffness": (1e5,), "ground_friction": (0.5,), "stone_height": (0.02,), "stone_width": (0.04, 0.1)},
 }
 
 

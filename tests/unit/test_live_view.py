@@ -1,4 +1,4 @@
-"""The live view for RViz: what is drawn lies where the walk's records have it."""
+"""What RViz and a page's rows show lies where the walk's records and the plant have it."""
 
 from typing import Any
 
@@ -7,16 +7,25 @@ import pytest
 from rabbit_common.ros.conversions import WORLD, foot_wrench, header
 from rabbit_common.ros.robot_frames import transforms
 from rabbit_description import FRAMES, URDF_PATH
-from rabbit_description.state import FEET, StonePreview
+from rabbit_description.gait import load_gaits
+from rabbit_description.state import FEET, Array, StonePreview
 from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.evaluation import record_walk
-from rabbit_experiments.walk_records import WalkRecords
+from rabbit_experiments.walk_records import WalkRecords, about_walk
 from rabbit_msgs import msg
 from rabbit_sim.kinematics import RabbitFeet
 from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.robot_urdf import perturbed_urdf
+from rabbit_sim.simulation import Simulation
 from rabbit_viewer.geometry import feet, stone_spans
+from rabbit_viewer.page.rows import RowMaker
 from rabbit_viewer.ros.rviz import markers
-from rl_cbf_clf_controller.parameters import load_parameters
+from rl_cbf_clf_controller.controller import Controller
+from rl_cbf_clf_controller.controller_output import ControllerOutput
+from rl_cbf_clf_controller.oracle import OraclePolicy, TruePlant
+from rl_cbf_clf_controller.parameters import ControllerParameters, load_parameters
+from rl_cbf_clf_controller.policy import ZeroPolicy
+from rl_trainer.rollout import Record, rollout
 from scipy.spatial.transform import Rotation
 from visualization_msgs.msg import Marker
 
@@ -78,3 +87,55 @@ def test_frames_carry_the_links_to_where_the_feet_are(walk: WalkRecords) -> None
             np.testing.assert_allclose(turned, [force[0], 0, force[1]], atol=1e-12)
     links = {line.split('"')[1] for line in URDF_PATH.read_text().splitlines() if "<link name=" in line}
     assert set(at) == links | FRAMES.keys()
+
+
+CONTROLLER = ControllerParameters(controller="cbf-clf-qp")
+PLANT = SimulationParameters(stones=3, stone_height=0.004)
+Walked = tuple[list[Record], Simulation]
+
+
+@pytest.fixture(scope="module")
+def walked() -> Walked:
+    """Three stones."""
+    gait = load_gaits(CONTROLLER.gait)
+    simulation = Simulation(PLANT, gait)
+    records: list[Record] = []
+    rollout(simulation, Controller(CONTROLLER, gait, ZeroPolicy(CONTROLLER.problem)), 1, records.append)
+    simulation.close()
+    return records, simulation
+
+
+def maker_of(output: ControllerOutput, plant: SimulationParameters, policy: str, knows_plant: bool = False) -> RowMaker:
+    about = about_walk(CONTROLLER, plant, policy, 1, "walked")
+    return RowMaker(about, output.quantities, output.barrier_names, knows_plant)
+
+
+def rows_of(records: list[Record]) -> tuple[Array, tuple[str, ...]]:
+    """All rows (n, columns), and the columns."""
+    maker = maker_of(records[0].output, PLANT, "zero")
+    return np.array([maker.row(record.state, record.output) for record in records]), maker.columns
+
+
+def test_stones_lie_where_the_plant_placed_them(walked: Walked) -> None:
+    records, simulation = walked
+    rows, columns = rows_of(records)
+    edges = rows[:, [columns.index(name) for name in ("stone_near", "stone_far", "stone_top")]]
+    seen = np.unique(edges[np.isfinite(edges[:, 0])], axis=0)
+    np.testing.assert_allclose(seen, simulation.stones[1:], atol=5e-4)  # the foot goes on within its touchdown's tick
+
+
+def test_with_exact_estimates_the_true_error_is_the_estimated_one() -> None:
+    """Of the tick before, as everything that a tick says of the model's error."""
+    gait = load_gaits(CONTROLLER.gait)
+    plant = PLANT.model_copy(update={"mass_scale": 1.5})
+    simulation, records = Simulation(plant, gait), list[Record]()
+    oracle = OraclePolicy(TruePlant(perturbed_urdf(plant)))
+    rollout(simulation, Controller(CONTROLLER, gait, oracle), 1, records.append)
+    simulation.close()
+    maker = maker_of(records[0].output, plant, "oracle", knows_plant=True)
+    errors = [each.output.alpha @ each.output.mu + each.output.beta for each in records]
+    rows = np.array([maker.row(r.state, r.output, true=error) for r, error in zip(records, errors, strict=True)])
+    column = dict(zip(maker.columns, rows.T, strict=True))
+    for name in records[0].output.quantities:
+        np.testing.assert_array_equal(column[f"true_{name}"], column[f"estimated_{name}"])
+    assert np.isfinite(column["true_V"]).mean() > 0.9

@@ -1,13 +1,19 @@
-"""The pages: links and anchors lead somewhere, the site has every page, commands on them have these options."""
+"""The pages: links, programs, commands, promises, figures and tables are those of the project."""
 
+import ast
 import re
 import shlex
 import subprocess
+import sys
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
+from types import ModuleType
 
 import pytest
+from rabbit_benchmark.table import Table
 from rabbit_bringup.cli import chosen, commands, loaded
+from rabbit_experiments.summary import wilson
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted(
@@ -17,7 +23,6 @@ PAGES = sorted(
     ).stdout.split()
     if (ROOT / name).is_file()
 )
-CONTENTS = (ROOT / "docs" / "site" / "contents.md").read_text(encoding="utf-8")
 FENCE = re.compile(r"^( *)(```+|:::+)(.*?)\n(.*?)^\1\2 *$", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"\]\(([^)\s]+)\)")
 
@@ -62,17 +67,6 @@ def test_programs_that_a_page_shows_are_what_runs() -> None:
         assert "literalinclude" not in path.read_text(encoding="utf-8"), "shown on the site alone"
 
 
-def test_the_contents_name_each_page_of_the_site_once() -> None:
-    text = (ROOT / "docs" / "conf.py").read_text(encoding="utf-8")
-    taken, left = (
-        [path for each in re.findall(r'"(.+?)"', block) for path in ROOT.glob(each.replace("**", "**/*.md"))]
-        for block in re.findall(r"^(?:in|ex)clude_patterns = \[$(.*?)^\]$", text, re.MULTILINE | re.DOTALL)
-    )
-    pages = {path for path in taken if path in PAGES and not {path, *path.parents} & set(left)}
-    listed = re.findall(r"^(?!:|```)(\S+)$", CONTENTS, re.MULTILINE)
-    assert sorted(["README", *listed]) == sorted(name_of(path).removesuffix(".md") for path in pages)
-
-
 def command_lines() -> list[str]:
     """Each `rabbit ...` that stands on a line of its own in a code block of a page, with the lines that go on."""
     found: set[str] = set()
@@ -98,3 +92,83 @@ def test_a_command_on_a_page_has_its_options(line: str) -> None:
     ours = words[: words.index("--")] if "--" in words else words
     known = options(*words[:1], *(words[1:] if "--task" in words else words[1:2]))
     assert {word.split("=")[0] for word in ours if word.startswith("--")} <= known
+
+
+PAGE = "".join((ROOT / each / "promises.md").read_text(encoding="utf-8") for each in ("docs", "qa/docs"))
+ROWS = re.findall(r"^\| (?!promise)(?!-)(?!--)(.+) \|$", PAGE, re.MULTILINE)
+TESTS = re.compile(r"`([\w/]+\.py)::(\w+)`")
+
+
+def test_every_promise_names_a_test() -> None:
+    assert len(ROWS) >= 20
+    assert [row for row in ROWS if not TESTS.search(row)] == []
+
+
+def test_every_named_test_is_there_once() -> None:
+    folders = [ROOT / "tests", *ROOT.glob("ros2_ws/src/*/test"), ROOT / "studies/test", ROOT / "qa/test"]
+    files = [file for folder in folders for file in folder.rglob("test_*.py")]
+    for name, test in TESTS.findall(PAGE):
+        found = [file for file in files if file.as_posix().endswith(f"/{name}") and test in functions(file)]
+        assert len(found) == 1, f"{name}::{test}"
+
+
+def functions(file: Path) -> set[str]:
+    """The names of all functions of a module, those of its classes too."""
+    return {
+        node.name for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))) if isinstance(node, ast.FunctionDef)
+    }
+
+
+WITH_FIGURES = (
+    "README.md",
+    "docs/results.md",
+    *(f"studies/docs/{each}.md" for each in ("results_paper", "structure", "tuning")),
+)
+DATA = ROOT / "studies" / "docs" / "data"
+TABLES = sorted(path for path in DATA.glob("*.csv") if path.stem != "mass_courses")  # which has no counts beside
+
+
+@pytest.fixture(scope="module")
+def scripts() -> Iterator[tuple[ModuleType, ModuleType]]:
+    """What finds figures on a page, and what the tables say of the pages."""
+    sys.path.insert(0, str(ROOT / "scripts"))
+    import page_figures
+    import shipped_figures
+
+    yield page_figures, shipped_figures
+    sys.path.remove(str(ROOT / "scripts"))
+
+
+@pytest.mark.parametrize("name", WITH_FIGURES)
+def test_figures_are_those_of_the_tables(scripts, name: str) -> None:
+    figures, shipped = scripts
+    text = (ROOT / name).read_text(encoding="utf-8")
+    assert text.splitlines() == figures.made(text, shipped.pages()[name]).splitlines(), "make figures writes them"
+
+
+@pytest.mark.parametrize("path", TABLES, ids=lambda path: path.stem)
+def test_a_table_says_what_its_courses_say(path: Path) -> None:
+    for row in Table.read(path).rows.values():
+        if row.by_course:
+            walked, courses = sum(row.outcomes), len(row.by_course)
+            assert (row.walked, row.courses, row.low, row.high) == (walked, courses, *wilson(walked, courses)), row
+
+
+SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
+
+
+@pytest.fixture(scope="module")
+def text():
+    """The module that writes the pages."""
+    sys.path.insert(0, str(SCRIPTS))
+    import reference_text
+
+    yield reference_text
+    sys.path.remove(str(SCRIPTS))
+
+
+def test_the_tables_of_the_page_on_topics_are_those_of_the_code(text) -> None:
+    """`python scripts/reference_text.py` writes them."""
+    page = (SCRIPTS.parent / "docs" / "topics.md").read_text(encoding="utf-8")
+    assert text.GENERATED.findall(page)
+    assert text.with_tables(page) == page

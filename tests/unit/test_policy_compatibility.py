@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from rabbit_description.gait import load_gait, load_gaits
+from rabbit_description.gait import load_gait
 from rabbit_experiments.assembly import Assembly
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Outcome
@@ -17,7 +17,7 @@ from rl_cbf_clf_controller.weights import PolicyFile, PolicyFileError, policy_pa
 from rl_trainer.rollout import rollout
 from untrained_policy import policy_file, policy_metadata
 
-GAIT, LIBRARY = load_gait("stones_0350_084"), load_gaits("paper_stones")
+GAIT = load_gait("stones_0350_084")
 STONES = ControllerParameters(controller="rl-cbf-clf-qp")
 FLAT = ControllerParameters(controller="rl-clf-qp")
 

@@ -7,21 +7,15 @@ import pytest
 from pydantic import ValidationError
 from rabbit_common.ros.conversions import header
 from rabbit_description.gait import load_gaits
-from rabbit_description.state import DOF, RobotState, StonePreview
+from rabbit_description.state import RobotState
 from rabbit_estimator.parameters import EstimatorParameters
 from rabbit_experiments.assembly import Assembly, AssemblyError
 from rabbit_sim.actuation import Actuation
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.perturbation import Memory
-from rabbit_sim.perturbations.encoders import FilteredRates
 from rabbit_sim.perturbations.pushes import Pushes
-from rabbit_sim.perturbations.wind import Wind
-from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.fitted_policy import fitted
-from rl_cbf_clf_controller.identification import WINDOW, window
-from rl_cbf_clf_controller.l1_adaptation import L1Adaptation
 from rl_cbf_clf_controller.parameters import ControllerParameters, load_parameters
-from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_cbf_clf_controller.weights import PolicyFile, PolicyFileError, policy_path, read
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.rollout import Record, rollout
@@ -39,10 +33,6 @@ def state(q: Any, dq: Any) -> RobotState:
 def test_what_is_no_tick_is_refused_at_the_door(model: Any, wrong: float, words: str) -> None:
     with pytest.raises(ValidationError, match=words):
         model(tick_seconds=wrong)
-
-
-def test_a_rate_in_hertz_gives_whole_milliseconds() -> None:
-    assert [ControllerParameters(tick_seconds=1 / hertz).tick_seconds for hertz in (100, 200, 500, 1000)] == [*TICKS]
 
 
 def test_controller_and_plant_have_one_tick() -> None:
@@ -82,80 +72,11 @@ def test_motors_do_not_know_the_rate(motors: dict[str, float], tick: float) -> N
     np.testing.assert_allclose(given(tick), given(0.01), rtol=1e-12, atol=1e-12)
 
 
-@pytest.mark.parametrize("tick", TICKS)
-def test_a_filter_of_rates_comes_as_far_in_the_same_time(tick: float) -> None:
-    seen, memory = FilteredRates(rate_lag=0.02), Memory(parameters=SimulationParameters(tick_seconds=tick))
-    seen.begin(memory)
-    seen.measure(memory, state(np.zeros(DOF), np.zeros(DOF)), None)  # type: ignore[arg-type]
-    for _ in range(round(0.03 / tick)):
-        now = state(np.zeros(DOF), np.ones(DOF))
-        seen.measure(memory, now, None)  # type: ignore[arg-type]
-    np.testing.assert_allclose(now.dq[3:], 1 - np.exp(-0.03 / 0.02), rtol=1e-12)
-
-
 @pytest.mark.parametrize("tick", [*TICKS, 0.003, 0.007])
 def test_a_push_has_its_impulse_at_every_rate(tick: float) -> None:
     pushes, memory = Pushes(push=12.0, push_interval=0.5), Memory(parameters=SimulationParameters(tick_seconds=tick))
     forces = np.concatenate([pushes.force(memory, number) for number in range(round(0.9 / tick))])
     assert abs(forces.sum()) * 0.001 == pytest.approx(12.0)
-
-
-@pytest.mark.parametrize("tick", [0.01, 0.002])
-def test_gusts_fade_by_time(tick: float) -> None:
-    """After 0.1 s their correlation is exp(-0.1 / T)."""
-    wind = Wind(gusts=10.0, gust_seconds=0.2)
-    memory = Memory(rng=np.random.default_rng(5), parameters=SimulationParameters(tick_seconds=tick))
-    wind.begin(memory)
-    found = np.array([wind.force(memory, number)[0] for number in range(round(400 / tick))])
-    later = round(0.1 / tick)
-    assert np.corrcoef(found[:-later], found[later:])[0, 1] == pytest.approx(np.exp(-0.5), abs=0.05)
-
-
-@pytest.mark.parametrize("tick", TICKS)
-def test_the_filter_of_l1_comes_as_far_in_the_same_time(tick: float) -> None:
-    """Under a constant defect."""
-    adaptation = L1Adaptation(ControllerParameters(controller="l1-clf-qp", l1_cutoff=30.0, tick_seconds=tick))
-    for _ in range(round(0.04 / tick)):
-        adaptation._adapt(np.array([np.zeros(4), np.full(4, -7.0)]), 0.0)
-    np.testing.assert_allclose(adaptation._state[-1], 7.0 * (1 - np.exp(-30 * 0.04)), rtol=1e-9)
-
-
-def test_the_identification_has_windows_of_10_ms() -> None:
-    assert [window(tick) for tick in TICKS] == pytest.approx([WINDOW] * 4, rel=1e-12)
-    assert all(abs(window(tick) - WINDOW) <= tick / 2 for tick in 1e-3 * np.arange(1, 11))
-
-
-def test_the_means_over_a_tick_are_those_of_the_motion() -> None:
-    """About one moment of a smooth motion they differ by the square of the tick alone; V-dot, which is that with V's
-    gradient as the tick begins, by the tick."""
-    moment, preview = 0.1, StonePreview(1, 0.32, 0.38)
-    rng = np.random.default_rng(4)
-    gait = load_gaits("stones_0350_084")
-    records: list[Record] = []
-    walk = Assembly(SimulationParameters(plant="rigid", stones=1), ControllerParameters(), "zero").build()
-    rollout(*walk, 3, records.append)
-    start = records[len(records) // 2].state  # in the middle of a step
-    q, dq, wave, rate = start.q, start.dq, rng.uniform(-0.01, 0.01, DOF), rng.uniform(5, 15, DOF)
-
-    def at(number: int, time: float) -> RobotState:
-        moved, speed = wave * np.sin(rate * time), wave * rate * np.cos(rate * time)
-        force = np.array([[10.0, 300.0], [0.0, 0.0]])
-        contact = np.array([True, False])
-        return RobotState(number, q + dq * (time - moment) + moved, dq + speed, force, contact, 0, preview)
-
-    found = []
-    for tick in (0.01, 0.005, 0.001):
-        parameters = ControllerParameters(controller="cbf-clf-qp", gait="stones_0350_084", tick_seconds=tick)
-        controller = Controller(parameters, gait, ZeroPolicy(parameters.problem))
-        controller.reset(1)
-        controller.step(at(0, moment - tick / 2))
-        found.append(controller.step(at(1, moment + tick / 2)).measured[:3])  # V, B1, B2
-    coarse, fine, finest = found
-    assert np.isfinite(coarse).all()
-    for rows, order in (([1, 2], 2), ([0], 1)):
-        share = (1 - 0.1**order) / (1 - 0.5**order)  # of these errors' differences
-        np.testing.assert_allclose((coarse - finest)[rows], share * (coarse - fine)[rows], rtol=0.1)
-    np.testing.assert_allclose(coarse[1:], finest[1:], rtol=0.01)
 
 
 @pytest.mark.parametrize("tick", [0.01, 0.002])

@@ -50,13 +50,6 @@ def test_feedback_decays_by_Q(clf: Numbers) -> None:
         assert V_dot <= -clf.rate * V * (1 - 1e-9)
 
 
-def test_derivative_is_the_gradient_along_the_chain(clf: Numbers) -> None:
-    w = np.array([1.0, -2.0, 3.0])
-    for eta in etas(clf):
-        expected = 2 * eta @ clf.P @ (clf.F @ eta + clf.G @ w)
-        assert float(clf.V_dot(eta, w)) == pytest.approx(expected, rel=1e-9, abs=1e-9)
-
-
 def test_value_is_sandwiched_as_a_res_clf(clf: Numbers) -> None:
     """c1 |eta|^2 <= V <= c2 / eps^(2 r - 2) |eta|^2, c2 at eps = 1."""
     c1 = np.linalg.eigvalsh(clf.P).min()

@@ -1,4 +1,4 @@
-"""Compiled functions: the same bits, in any number of processes and threads, and without a compiler."""
+"""Compiled functions: the same bits, in any number of processes, and without a compiler; functions, estimates."""
 
 import os
 import subprocess
@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from cbf_clf_qp import Barrier, Clf, NumpyFunction, System, Tick, compiled
+from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import OFTEN
 
 SCRIPT = """
@@ -151,42 +152,20 @@ def broken(what: str, folder: Path) -> dict[str, str]:
     """The environment of a process that cannot compile."""
     if what == "no compiler":
         return {"CC": "no-compiler -m64"}
-    if what == "no words":
-        return {"CC": '"'}
     if what == "broken compiler":
         return {"CC": program(folder / "cc", "echo said; echo 'fatal error: all\n is lost' >&2; exit 1")}
-    if what == "idle compiler":
-        return {"CC": program(folder / "cc", "exit 0")}
     if what == "full disk":
         return {}  # files may have 1000 bytes
-    (folder / "file").write_text("")
-    return {"XDG_CACHE_HOME": str(folder / "file")} if what == "no folder" else {"CBF_CLF_QP_CACHE": "/proc/1/nothing"}
+    return {"CBF_CLF_QP_CACHE": "/proc/1/nothing"}
 
 
-@pytest.mark.parametrize(
-    "what", ["no compiler", "no words", "broken compiler", "idle compiler", "full disk", "no folder", "read-only cache"]
-)
+@pytest.mark.parametrize("what", ["no compiler", "broken compiler", "full disk", "read-only cache"])
 def test_without_a_compiler_there_is_one_line_and_the_virtual_machine(what: str, tmp_path: Path, cache: Path) -> None:
     said, errors = run(what.split()[0], **broken(what, tmp_path))
     assert said == [[row, "False"] for row in ROWS]
     assert errors.startswith("cbf_clf_qp: functions are not compiled, and slower: ")
     assert errors.count("\n") == 1
     assert not cache.exists() or not list(cache.iterdir())
-
-
-def test_threads_call_one_library_at_once() -> None:
-    """DAQP has memory, which none may share."""
-    rows = inputs(with_daqp(), 200)
-
-    def called(function: NumpyFunction) -> list[Any]:
-        return [function(*each).row for _ in range(20) for each in zip(*rows, strict=True)]
-
-    functions = [with_daqp() for _ in range(4)]
-    for function in functions:
-        function.compile(wait=True)
-    with ThreadPoolExecutor(4) as pool:
-        found = list(pool.map(called, functions))
-    assert all(same(each, called(with_daqp())) for each in found)
 
 
 def test_a_forked_process_compiles_its_own(cache: Path) -> None:
@@ -198,3 +177,43 @@ def test_a_forked_process_compiles_its_own(cache: Path) -> None:
     assert os.waitpid(child, 0)[1] == 0
     function.compile(wait=True)
     assert function.fastest is not function.function
+
+
+def test_inputs_left_out_are_zero() -> None:
+    """Also where an earlier call gave them; and a result is not the next one's."""
+    a, b = ca.SX.sym("a", 2), ca.SX.sym("b", 2, 2)
+    function = NumpyFunction.of("f", {"a": a, "b": b}, {"sum": a + b @ ca.SX([1, 10]), "b": b})
+    given, matrix = np.array([1.0, 2.0]), np.array([[3.0, 4.0], [5.0, 6.0]])
+    first = function(given, matrix)
+    assert function(given).sum == pytest.approx([1, 2])
+    assert (first.sum, first.b) == (pytest.approx([44, 67]), pytest.approx(matrix))
+    assert function(given, matrix).sum == pytest.approx([44, 67])
+    with pytest.raises(ValueError, match="b has 2 numbers; expected 4"):
+        function(given, given)
+    with pytest.raises(ValueError, match="3 inputs; expected a, b"):
+        function(given, matrix, given)
+    with pytest.raises(AttributeError, match="no value difference: expected one of sum, b"):
+        _ = first.difference
+
+
+N, M = 5, 4
+
+
+def drawn(seed: int) -> Estimates:
+    rng = np.random.default_rng(seed)
+    return Estimates(rng.normal(size=(N, M)), rng.normal(size=N), rng.normal(size=(M, M + 1)))
+
+
+def test_errors_add_up() -> None:
+    first, second, mu = drawn(1), drawn(2), np.array([1.0, -2.0, 3.0, 0.5])
+    both = first + second
+    assert both.error(mu) == pytest.approx(first.error(mu) + second.error(mu))
+    assert both.output_error == pytest.approx(first.output_error + second.output_error)
+    assert (first + Estimates(second.alpha, second.beta)).output_error is None
+    for name, value in vars(first + Estimates.zero(N, M)).items():
+        assert value == pytest.approx(getattr(first, name))
+
+
+def test_shapes_fit_together() -> None:
+    with pytest.raises(ValueError, match=r"alpha \(4, 5\), beta \(5,\)"):
+        Estimates(np.zeros((4, 5)), np.zeros(5))

@@ -1,4 +1,4 @@
-"""Derivatives of a system against finite differences and identities; what is wrong with it has one clear error."""
+"""Derivatives of a system against differences and identities; measured values against the exact derivative."""
 
 from collections.abc import Callable
 from typing import Any
@@ -6,7 +6,10 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from cbf_clf_qp.constraints import Barrier
+from cbf_clf_qp.affine import Affine
+from cbf_clf_qp.constraints import Barrier, Clf
+from cbf_clf_qp.estimates import measure, model_error
+from cbf_clf_qp.quantity import Quantity, Terms
 from cbf_clf_qp.system import DegreeError, System, mechanical
 
 OUTPUTS: dict[str, Callable[[Any], ca.SX]] = {
@@ -54,14 +57,6 @@ def test_a_wall_that_moves_is_in_both_derivatives(make_plant: Any) -> None:
         assert plant.number(ddB, *at, **parameters) == pytest.approx(-u / 2)
         expected = 2 * (speed - v) ** 2 + 2 * (wall - x) * -u / 2
         assert plant.number(ddB_squared, *at, **parameters) == pytest.approx(expected)
-
-
-def test_a_rate_may_have_a_rate(make_plant: Any) -> None:
-    """A wall that accelerates: B-ddot = push - u."""
-    x, v, u, wall, speed, push = (ca.SX.sym(name) for name in ("x", "v", "u", "wall", "speed", "push"))
-    cart = System(ca.vertcat(x, v), u, ca.vertcat(v, u), [wall, speed, push], rates={"wall": speed, "speed": push})
-    *_, ddB = cart.derivatives("wall", wall - x, 2)
-    assert ca.is_equal(ca.simplify(ddB), push - u, 3)
 
 
 @pytest.fixture
@@ -125,3 +120,129 @@ def test_what_is_not_declared_is_named() -> None:
         System(x, u, u).derivatives("B", x * mass, 1)
     with pytest.raises(ValueError, match="B depends on x"):  # another symbol of that name
         System(x, u, u).derivatives("B", ca.SX.sym("x"), 1)
+
+
+SECONDS = 0.01
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_constant_acceleration_is_measured_exactly(make_plant: Any, seed: int) -> None:
+    """Of a cart under a held force, whatever mass its model has: relative degrees 1 and 2, a wall that moves."""
+    plant = make_plant("cart")
+    s, rng = plant.symbols, np.random.default_rng(seed)
+    quantities = [Clf(s["x"] - 1), Barrier("wall", s["wall"] - s["x"], (2, 3)), Barrier("slow", 3 - s["v"], (1,))]
+    terms = Terms(plant.system, quantities)
+    x, v, acceleration, wall, speed = rng.normal(size=5)
+    before, after = ((x + v * t + acceleration * t**2 / 2, v + acceleration * t) for t in (0, SECONDS))
+    parameters = [np.array([rng.uniform(1, 9), wall + speed * t, speed]) for t in (0, SECONDS)]
+    ends = np.array(before), parameters[0], np.array(after), parameters[1]
+    measured = measure(terms)(*ends, np.array([SECONDS])).measured
+    V_dot = terms.quantities[0].slope
+    assert V_dot
+    exact = plant.number(V_dot(acceleration), before, 0.0)
+    assert measured == pytest.approx([exact, -acceleration, -acceleration], rel=1e-9)
+
+
+def test_a_measured_value_is_the_mean_of_the_exact_ones(make_plant: Any) -> None:
+    """Of a Segway, in a tick of 1 ms: it differs from the mean of both ends by the square of the tick."""
+    plant, rng = make_plant("segway"), np.random.default_rng(1)
+    v, theta, omega = (plant.symbols[name] for name in ("v", "theta", "omega"))
+    quantities = [Barrier("fast", 3 - v - 1.2 * ca.cos(theta) * omega, (4,)), Barrier("lean", 1 - theta**2, (4, 4))]
+    terms = Terms(plant.system, quantities)
+    p, step, ticks = np.array([plant.values["body"]]), 1e-5, 100
+    for _ in range(5):
+        before, u = rng.normal(size=3), 50 * rng.normal()
+        after = before
+        for _ in range(ticks):  # midpoint rule
+            half = after + step / 2 * plant.number(plant.system.x_dot, after, u)
+            after = after + step * plant.number(plant.system.x_dot, half, u)
+        measured = measure(terms)(before, p, after, p, np.array([step * ticks])).measured
+        values = [quantity.value(plant.system.u) for quantity in terms.quantities]
+        exact = [np.mean([plant.number(value, x, u) for x in (before, after)]) for value in values]
+        assert measured == pytest.approx(exact, rel=1e-4, abs=1e-4)
+
+
+@pytest.fixture
+def integrators() -> System:
+    """x''' = u."""
+    x, u = ca.SX.sym("x", 3), ca.SX.sym("u")
+    return System(x, u, ca.vertcat(x[1], x[2], u))
+
+
+def test_relative_degree_3_is_not_measured(integrators: System) -> None:
+    """Remark 3; but it has rows, see `test_system.py`."""
+    for each in (Barrier("deep", integrators.x[0], (1, 2, 3)), Clf(integrators.x[0], gains=(1.0, 3.0, 3.0))):
+        with pytest.raises(ValueError, match=r"(deep|V): one difference measures relative degrees 1 and 2 only"):
+            measure(Terms(integrators, [each]))
+
+
+def test_a_sensor_is_read_as_the_tick_ends(integrators: System) -> None:
+    force = Quantity(("F",), integrators.affine(integrators.u), lambda _: [], sensor=2 * integrators.x[2])
+    terms = Terms(integrators, [force])
+    nothing = np.zeros(0)
+    measured = measure(terms)(np.zeros(3), nothing, np.array([0.0, 0.0, 4.0]), nothing, np.array([SECONDS])).measured
+    assert measured == pytest.approx([8])
+
+
+def test_the_error_of_another_model_turns_one_into_the_other(make_plant: Any) -> None:
+    """Nominal value + alpha mu + beta is the value by the other model, at u = control(mu) of the nominal one."""
+    plant, rng = make_plant("segway"), np.random.default_rng(3)
+    v, theta, omega = (plant.symbols[name] for name in ("v", "theta", "omega"))
+    terms = Terms(plant.system, [Clf(theta), Barrier("slow", 3 - v - omega, (4,))])
+    outputs = plant.system.derivatives("theta", theta, 2)[2]
+    of_other = [*(quantity.value(plant.system.u) for quantity in terms.quantities), outputs]
+    for x in rng.normal(size=(10, 3)):
+        found, mu = model_error(terms)(x, np.array([60.0]), np.array([75.0])), rng.normal(size=1)
+        nominal = [plant.number(term(mu), x, 0.0) for term in (terms.control, terms.nominal)]
+        error = found.alpha @ mu + found.beta
+        delta = Affine(found.output_error[:, :-1], found.output_error[:, -1])
+        expected = [plant.number(value, x, nominal[0], body=75.0) for value in of_other]
+        assert [*(nominal[1] + error), *(mu + delta(mu))] == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+def ball_on_a_beam() -> tuple[System, ca.SX]:
+    """r'' = -rolling g sin(theta + tilt), theta'' = u; the ball's place r."""
+    names = ("r", "theta", "dr", "dtheta", "u", "rolling", "tilt")
+    r, theta, dr, dtheta, u, rolling, tilt = (ca.SX.sym(name) for name in names)
+    rate = ca.vertcat(dr, dtheta, -rolling * 9.81 * ca.sin(theta + tilt), u)
+    return System(ca.vertcat(r, theta, dr, dtheta), u, rate, [rolling, tilt]), r
+
+
+def test_a_row_of_degree_4_has_the_derivatives_along_the_motion_and_the_poles() -> None:
+    """Each derivative is the rate of the one before, by differences; the left side sums them with the gains."""
+    system, r = ball_on_a_beam()
+    poles = (3.0, 4.0, 5.0, 6.0)
+    quantity = Barrier("end", 0.4 - r, poles).on(system)
+    of = [system.x, system.u, system.p]
+    integrators = system.derivatives("end", 0.4 - r, 4)
+    along = ca.Function(
+        "along", of, [ca.vertcat(*integrators[:4], system.affine(integrators[4])(system.u)), system.x_dot]
+    )
+    left = ca.Function("left", of, [quantity.value(system.u)])
+    rng, h, p = np.random.default_rng(0), 1e-6, np.array([5 / 7, 0.02])
+    for _ in range(5):
+        x, u = 0.3 * rng.normal(size=4), rng.normal(size=1)
+        values, x_dot = (value.full().ravel() for value in along(x, u, p))
+        ahead, behind = (along(x + t * x_dot, u, p)[0].full().ravel() for t in (h, -h))
+        assert (ahead - behind)[:4] / (2 * h) == pytest.approx(values[1:], abs=1e-6)
+        assert float(left(x, u, p)) == pytest.approx(np.poly(-np.array(poles))[::-1] @ values, rel=1e-12)
+
+
+def test_an_oracles_row_of_degree_4_is_that_of_the_true_model() -> None:
+    """All derivatives but the first two are the model's; so are those of an output of degree 4."""
+    system, r = ball_on_a_beam()
+    terms = Terms(system, [Clf(r - 0.5, gains=(1.0, 4.0, 6.0, 4.0)), Barrier("end", 0.4 - r, (3, 4, 5, 6))])
+    error, (model, true) = model_error(terms), (np.array([5 / 7, 0.0]), np.array([0.6, -0.05]))
+    y_4 = system.affine(system.derivatives("y", r, 4)[-1])(system.u)
+    wanted = ca.vertcat(*(quantity.value(system.u) for quantity in terms.quantities), y_4)
+    values = ca.Function("values", [system.x, system.u, system.p], [wanted])
+    mu = ca.SX.sym("mu")
+    said = ca.Function("said", [system.x, mu, system.p], [terms.nominal(mu), terms.control(mu)])
+    rng = np.random.default_rng(1)
+    for _ in range(5):
+        x, m = 0.3 * rng.normal(size=4), rng.normal(size=1)
+        found = error(x, model, true)
+        nominal, u = (value.full().ravel() for value in said(x, m, model))
+        expected = values(x, u, true).full().ravel()
+        assert nominal + found.alpha @ m + found.beta == pytest.approx(expected[:2], rel=1e-9, abs=1e-9)
+        assert m + found.output_error @ [*m, 1] == pytest.approx(expected[2:], rel=1e-9, abs=1e-9)

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.constraints import Barrier, Clf
-from cbf_clf_qp.estimates import Estimates, model_error
+from cbf_clf_qp.estimates import model_error
 from cbf_clf_qp.quantity import HARD, Quantity, Terms
-from cbf_clf_qp.system import System, mechanical
+from cbf_clf_qp.system import System
 from cbf_clf_qp.tick import Tick
 
 X, V, U, FORCE = ca.SX.sym("x"), ca.SX.sym("v"), ca.SX.sym("u"), 100.0
@@ -52,26 +52,6 @@ def test_a_changed_parameter_counts_in_the_same_tick(solver: str, name: str) -> 
     assert differ > 3
 
 
-def test_a_row_tells_margin_and_multiplier_in_its_own_units() -> None:
-    """A wall's row alone: -u / m + 2 p B' + p^2 B >= 0. Where it holds mu back, 2 |mu| = |y du/dmu| / m.
-
-    Its slack of last resort is over the row's norm in mu.
-    """
-    cart = System(ca.vertcat(X, V), U, ca.vertcat(V, U / 2.0))
-    tick, rng, held = Tick(cart, [Barrier("wall", 0.9 - X, poles=(8.0, 8.0))], limit=1e4), np.random.default_rng(3), 0
-    for x, v in rng.normal(size=(100, 2)):
-        decided = tick(np.array([x, v]))
-        values, i = decided.values, decided.layout.names.index("wall")
-        norm = abs(values.control_a[0, 0]) / 2
-        row = -decided.u[0] / 2 - 16 * v + 64 * (0.9 - x)
-        assert values.row_margin[i] == pytest.approx(row + values.slack[i] * norm, abs=2e-6 * max(norm, 1))
-        is_held = "wall" in decided.active
-        expected = 2 * abs(decided.mu[0]) / norm if is_held else 0.0
-        assert abs(values.multiplier[i]) == pytest.approx(expected, rel=1e-6, abs=1e-9)
-        held += is_held
-    assert 10 < held < 90
-
-
 def ride(wall_of: Callable[[float], tuple[float, float]], declared: bool = True) -> Any:
     """A cart's distance from a wall after each millisecond, m; `wall_of` gives the wall's place and speed at a time.
 
@@ -111,19 +91,6 @@ def test_a_limit_of_the_input_is_kept(solver: str, limit: float) -> None:
         assert abs(decided.u[0]) <= limit * (1 + 1e-4)
         reached += "u1" in decided.active
     assert reached > 25 or limit > 1
-
-
-@pytest.mark.parametrize("solver", ["daqp", "osqp"])
-def test_no_estimates_are_those_that_are_zero(solver: str) -> None:
-    """Digit by digit."""
-    tick, x = cart_tick(solver), np.array([0.3, 1.0])
-    p = tick.p(**DEFAULTS)
-    tick.reset()
-    first = tick.decide(x, p)
-    tick.reset()
-    assert tick.decide(x, p, tick.no_error()).values.row.tolist() == first.values.row.tolist()
-    with pytest.raises(ValueError, match="expected finite"):
-        tick.decide(x * np.nan, p)
 
 
 def segway_tick(plant: Any, **options: Any) -> Tick:
@@ -224,42 +191,3 @@ def test_a_matrix_is_a_parameter() -> None:
     assert decided.u + matrix @ [0.3, -0.7] == pytest.approx(decided.mu)
     with pytest.raises(ValueError, match=r"parameter A = .*expected numbers of shape \(2, 2\)"):
         tick([0.3, -0.7], A=[1.0, 2.0, 3.0])
-
-
-def test_an_arm_of_seven_joints_has_a_programme_of_a_sane_size() -> None:
-    """The inverse of a dense decoupling matrix: q'' = mu, by a few thousand operations."""
-    n, rng = 7, np.random.default_rng(5)
-    q, dq, u, root = ca.SX.sym("q", n), ca.SX.sym("dq", n), ca.SX.sym("u", n), rng.normal(size=(n, n))
-    M = ca.SX(root @ root.T + np.eye(n)) + ca.diag(ca.cos(q) / 2)
-    arm = mechanical(q, dq, u, M, dq, ca.SX.eye(n))
-    tick = Tick(arm, [Clf(q, eps=0.5), Barrier("joint", 1 - q[0], poles=(3.0, 4.0))], limit=100.0)
-    joints = ca.Function("f", [arm.x, u], [arm.x_dot[n:]])
-    for x in 0.3 * rng.normal(size=(5, 2 * n)):
-        decided = tick(x)
-        assert decided.solved
-        assert joints(x, decided.u).full().ravel() == pytest.approx(decided.mu, abs=1e-9)
-    assert tick.answer.programme.function.n_instructions() < 20000
-
-
-def test_an_objective_may_need_the_output_error(make_plant: Any) -> None:
-    """Estimates that do not know it are refused, where the objective depends on it alone."""
-    plant = make_plant("pendulum")
-    theta = plant.symbols["theta"]
-
-    def objective(terms: Terms) -> Any:
-        return Affine.identity(terms.inputs) + terms.output_error
-
-    x, p, unknown = np.array([0.1, 0.2]), np.array([0.7]), Estimates(np.zeros((1, 1)), np.zeros(1))
-    assert Tick(plant.system, [Clf(theta)]).decide(x, p, unknown).solved
-    with pytest.raises(ValueError, match="output_error = None: expected"):
-        Tick(plant.system, [Clf(theta)], objective=objective).decide(x, p, unknown)
-
-
-def test_a_reset_forgets_the_last_programme() -> None:
-    """The same walk after a reset, bit for bit, with the solver that remembers."""
-    tick, states = cart_tick("osqp"), np.random.default_rng(4).normal(size=(30, 2))
-    rides = []
-    for _ in range(2):
-        tick.reset()
-        rides.append([tick(x, **DEFAULTS).u[0] for x in states])
-    assert rides[0] == rides[1]

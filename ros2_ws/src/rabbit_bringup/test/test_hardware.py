@@ -146,14 +146,6 @@ def test_a_clock_that_went_back_counts_on_from_there():
     assert (made.ticked, made.fault) == (4 * TICK, "")
 
 
-def test_who_is_late_is_named():
-    made = SensorClock(("joints", "imu"), 0.015, 0.012)
-    made.take("imu", 30 * TICK)
-    assert str(made) == "joints has said nothing"
-    made.take("joints", 10 * TICK)
-    assert str(made) == "joints is 0.200 s behind imu"
-
-
 def guard(**changes):
     """One that has heard a command of zero, and joint_states, at 0 s."""
     made = CommandGuard(GuardParameters(**changes))

@@ -1,13 +1,15 @@
-"""The executables: the right node, and a Ctrl-C at any moment of the start ends without a traceback."""
+"""The executables: the right node, a Ctrl-C at any moment without a traceback; SCHED_FIFO where permitted."""
 
 import os
 import signal
 import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from rabbit_common.priority import BENEATH, NICE, leave_priority, scheduling, take_listeners_priority, take_priority
 
 SOURCES = Path(__file__).resolve().parents[2]
 SCRIPTS = sorted(SOURCES.glob("*/bin/*"))
@@ -28,7 +30,7 @@ def ended(process: "subprocess.Popen[str]") -> tuple[int, str, str]:
 
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.name)
-@pytest.mark.parametrize("seconds", [0.0, 0.02, 0.05, 0.1, 0.2])
+@pytest.mark.parametrize("seconds", [0.0, 0.1])
 def test_an_early_interrupt_is_quiet(script: Path, seconds: float) -> None:
     """Also before the first line of ours: the interpreter itself would answer with a traceback."""
     process = subprocess.Popen(
@@ -52,3 +54,43 @@ def test_without_the_workspace_an_executable_says_what_to_source(script: Path) -
     assert done.returncode == 2
     assert "No module named 'rabbit_" in line
     assert "setup.bash" in line
+
+
+def test_priority_is_taken_where_permitted() -> None:
+    take_priority(7, pytest.skip)
+    try:
+        assert scheduling() == "SCHED_FIFO 7"
+    finally:
+        leave_priority()
+    assert scheduling() == "ordinary"
+
+
+@pytest.mark.parametrize(
+    ("priority", "own"), [(50, f"SCHED_FIFO {50 - BENEATH}"), (3, "SCHED_FIFO 1"), (0, "ordinary")]
+)
+def test_listeners_are_beneath(priority: int, own: str) -> None:
+    take_listeners_priority(priority, pytest.skip)
+    found = scheduling()
+    leave_priority()
+    assert (found, scheduling()) == (own, "ordinary")
+
+
+def test_who_gives_way_does_so_with_the_threads_to_come() -> None:
+    """What runs before stays."""
+    code = """
+import os, threading
+from rabbit_common.priority import give_way
+begun = os.nice(0)
+def nice(found): found.append(os.nice(0) - begun)
+go, before, after, own = threading.Event(), [], [], []
+early = threading.Thread(target=lambda: go.wait() and nice(before))
+early.start()
+give_way()
+go.set()
+late = threading.Thread(target=nice, args=[after])
+late.start()
+early.join(), late.join(), nice(own)
+print(*before, *own, *after)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["0", str(NICE), str(NICE)]

@@ -1,11 +1,10 @@
-"""The filter on motions that are known exactly."""
+"""The filter on motions that are known exactly; kinematics of a leg."""
 
 from dataclasses import replace
 
 import casadi as ca
 import numpy as np
 import pytest
-from pydantic import BaseModel
 from rabbit_description.state import TICK_SECONDS, BodySensors, Leg, RobotState, orientation_of
 from rabbit_estimator.contact_aided_filter import (
     COMPLIANCE,
@@ -70,19 +69,6 @@ def test_late_readings_are_taken_for_what_they_are():
         estimate = estimator.update(state(tick, NEITHER if tick else LEFT, joint_angles=read, joint_rates=rates))
     assert estimate.q[3:] == pytest.approx(JOINTS + rates * tick * TICK_SECONDS, abs=1e-5)
     assert estimate.dq[3:] == pytest.approx(rates, abs=1e-3)
-
-
-def test_a_foot_on_the_ground_says_more_than_none():
-    """Hip velocity is surer with a foot that stands; the covariance stays one."""
-    spreads = []
-    for contact in (LEFT, NEITHER):
-        estimator = ContactAidedFilter(EstimatorParameters())
-        for tick in range(50):
-            estimator.update(state(tick, contact if tick else LEFT))
-            assert (estimator.found.covariance == estimator.found.covariance.T).all()
-            assert np.linalg.eigvalsh(estimator.found.covariance).min() > -1e-9  # rounding
-        spreads.append(np.sqrt(estimator.angles_and_rates_covariance()[5, 5]))
-    assert spreads[0] < spreads[1]
 
 
 @pytest.mark.parametrize("compliance", [1e-6, 1e-5])
@@ -238,10 +224,34 @@ def test_what_is_finite_and_too_large_gives_no_state_in_part():
     assert lost > 50
 
 
-def test_it_knows_the_errors_of_the_sensors_but_trusts_none_to_be_perfect():
-    class Simulated(BaseModel):
-        gyro_bias: float = 0.3
-        encoder_offset: float = 0.0
-        mass_scale: float = 2.0
+STEP = 1e-6
 
-    assert EstimatorParameters.knowing(Simulated()) == EstimatorParameters(gyro_bias=0.3)
+
+def at(pitch, joints, leg, radius):
+    return ca.DM(foothold(pitch, joints, leg, radius)).full().ravel()
+
+
+@pytest.mark.parametrize("leg", Leg)
+@pytest.mark.parametrize("radius", [0.0, 0.002])
+def test_the_rate_is_that_of_the_foothold(leg, radius):
+    rng = np.random.default_rng(leg)
+    for _ in range(20):
+        (pitch, *joints), (pitch_rate, *rates) = rng.normal(size=(2, 5))
+        joints, rates = np.array(joints), np.array(rates)
+        ends = [at(pitch + step * pitch_rate, joints + step * rates, leg, radius) for step in (-STEP, STEP)]
+        rate = ca.evalf(foothold_rate(pitch, joints, leg, radius, pitch_rate, rates)).full().ravel()
+        assert rate == pytest.approx((ends[1] - ends[0]) / (2 * STEP), abs=1e-8)
+
+
+def test_a_straight_leg_hangs_down():
+    assert at(0.0, np.zeros(4), Leg.RIGHT, 0.002) == pytest.approx([0, -0.8])
+
+
+def test_a_rolling_foot_stands_on_one_hold():
+    """A wheel that rolls by an angle moves its centre by radius times the angle, and its hold not at all."""
+    radius, turned = 0.05, 0.3
+    before = at(0.0, np.zeros(4), Leg.LEFT, radius)
+    after = at(turned, np.zeros(4), Leg.LEFT, radius)
+    centre = at(turned, np.zeros(4), Leg.LEFT, 0.0)
+    assert centre[0] - after[0] == pytest.approx(radius * turned)
+    assert before[0] == 0

@@ -1,6 +1,9 @@
-"""The figures of a run: what counts as a violation, a success, a stone; on hand-made ticks."""
+"""The figures of a run on hand-made ticks; intervals with known ends; a results folder; measured scales."""
 
+import json
+import math
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -8,13 +11,21 @@ import pytest
 from rabbit_description.force_ratio import impact_ticks
 from rabbit_description.gait import load_gait
 from rabbit_description.state import Array, Leg, RobotState, StonePreview
+from rabbit_experiments.assembly import Assembly
+from rabbit_experiments.commands.scales import app
+from rabbit_experiments.measured_scales import measure_scales
 from rabbit_experiments.metrics import RunResult, RunRow, RunTally
+from rabbit_experiments.results import ResultsError, ResultsFolder
+from rabbit_experiments.summary import mean_interval, summarise, wilson
+from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Landing, Outcome
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.parameters import load_parameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
+from rl_cbf_clf_controller.problem import LEAST, ROOM
 from rl_trainer.rollout import Record
+from typer.testing import CliRunner
 
 PARAMETERS = load_parameters("ours")
 LATE = impact_ticks()  # a tick's age at which the impact is over
@@ -60,13 +71,6 @@ def test_violations(record: Record, force: tuple[float, float], over: int, lost:
     assert (late.ticks_over_cone, late.ticks_lost) == (over, lost)
     assert (early.ticks_over_cone_at_impact, early.ticks_lost_at_impact) == (over, lost)
     assert early.ticks_over_cone == early.ticks_lost == 0
-
-
-def test_largest_ratio_is_taken_of_loaded_ticks_after_the_impact(record: Record) -> None:
-    row = row_of(record, [(10.0, 100.0), (-50.0, 100.0), (15.0, 16.0)])
-    assert row.max_force_ratio == pytest.approx(0.5)
-    assert row.min_normal_force == 16.0
-    assert row_of(record, [(90.0, 100.0)], age=0).max_force_ratio == 0.0
 
 
 def run(record: Record, landings: list[Landing], outcome: Outcome, force: Array, **changes: Any) -> RunResult:
@@ -117,3 +121,106 @@ def test_barriers_that_begin_outside_their_promise_are_counted_once_a_step(recor
     assert run(record, [GOOD, GOOD], Outcome.WALKED, STANDING, **sinking).row.ecbf_start_violations == 2
     sound = {**sinking, "barrier_rates": np.array([0.0, -0.5 * pole + 1e-6])}
     assert run(record, [GOOD, GOOD], Outcome.WALKED, STANDING, **sound).row.ecbf_start_violations == 0
+
+
+def result(run: int, **changes: Any) -> RunResult:
+    """A run in which nothing happened, but for `changes`."""
+    values: dict[str, Any] = dict.fromkeys(RunRow.model_fields, 0)
+    values |= {"run": run, "outcome": "walked", "success": True, "success_with_forces": True, "stones": 20}
+    values |= {"ticks": 4, "steps": 2, "walk_seconds": 0.01, "least_barriers": {}, **changes}
+    return RunResult(row=RunRow.model_validate(values), violations=[], tick_seconds=[0.002] * 4)
+
+
+@pytest.mark.parametrize(("successes", "runs"), [(0, 10), (5, 10), (49, 50), (50, 50)])
+def test_wilson_interval_solves_its_equation(successes: int, runs: int) -> None:
+    z = 1.959963984540054
+    for end in wilson(successes, runs):
+        share = successes / runs
+        assert (share - end) ** 2 == pytest.approx(z**2 * end * (1 - end) / runs, abs=1e-12)
+
+
+def test_interval_of_the_mean_of_two_values() -> None:
+    low, high = mean_interval(np.array([1.0, 3.0])) or (math.nan, math.nan)
+    half = math.tan(math.pi * 0.475)  # Student's t of one degree of freedom is Cauchy's; standard error 1
+    assert [low, high] == pytest.approx([2 - half, 2 + half])
+    assert mean_interval(np.array([4.0])) is None
+
+
+@pytest.mark.parametrize("runs", [2, 3, 5, 20])
+def test_the_mean_of_counts_lies_where_a_mean_of_them_can(runs: int) -> None:
+    """Of 0 to 20 stones, most runs at the end: the interval is cut, and misses the true mean no more often."""
+    rng, cut = np.random.default_rng(4), 0
+    for _ in range(200):
+        stones = np.where(rng.random(runs) < 0.6, 20, rng.integers(0, 21, runs)).astype(float)  # 16 in the mean
+        low, high = mean_interval(stones, 0, 20) or (math.nan, math.nan)
+        whole = mean_interval(stones) or (math.nan, math.nan)
+        assert 0 <= low <= stones.mean() <= high <= 20
+        assert (low <= 16 <= high) == (whole[0] <= 16 <= whole[1])
+        cut += (low, high) != whole
+    assert cut > 10
+
+
+def test_summary_counts() -> None:
+    runs = [
+        result(0),
+        result(1, success_with_forces=False, ticks_over_cone=3, max_force_ratio=0.9),
+        result(2, success=False, success_with_forces=False, outcome="gap_fall", stones=5, missed_stones=1),
+        result(3, success=False, success_with_forces=False, outcome="fall", stones=7, qp_unanswered_ticks=1),
+    ]
+    summary = summarise(runs, "osqp")
+    assert (summary["success_rate"], summary["success_with_forces"]) == (0.5, 0.25)
+    assert summary["falls"] == {"gap_fall": 1, "fall": 1}
+    assert (summary["mean_stones"], summary["missed_stones"]) == (13.0, 1)
+    assert (summary["ticks_over_cone"], summary["max_force_ratio"]) == (3, 0.9)
+    assert summary["qp_solver_share"] == 15 / 16
+    assert summary["tick_ms_p50"] == pytest.approx(2.0)
+    assert summary["real_time_factor"] == pytest.approx(4.0)
+    json.dumps(summary, allow_nan=False)
+
+
+def test_rms_is_over_all_ticks_not_over_runs() -> None:
+    summary = summarise([result(0, rms_y=0.3, ticks=1), result(1, rms_y=0.1, ticks=9)], "osqp")
+    assert summary["rms_y"] == pytest.approx(math.sqrt(0.018))
+
+
+def test_a_folder_of_another_evaluation_is_refused(tmp_path: Path) -> None:
+    first = ResultsFolder(tmp_path, {"key": "a", "made_with": {}})
+    first.cache.path.mkdir()
+    with pytest.raises(ResultsError, match="another evaluation"):
+        ResultsFolder(tmp_path, {"key": "b", "made_with": {}})
+    assert first.cache.path.exists()
+    ResultsFolder(tmp_path, {"key": "b", "made_with": {}}, overwrite=True)
+    assert not first.cache.path.exists()
+
+
+SEEDS = (5,)
+
+
+def assembly(scale: float) -> Assembly:
+    plant = SimulationParameters(plant="rigid", mass_scale=scale, stones=3, stop_at_miss=False)
+    return Assembly(plant, load_parameters("ours", controller="rl-cbf-clf-qp"), "oracle")
+
+
+def test_a_robot_that_is_its_model_has_nothing_to_estimate() -> None:
+    found = measure_scales(assembly(1.0), SEEDS)
+    assert set(found["alpha_scale"]) == set(found["beta_scale"]) == {LEAST}
+
+
+def test_at_twice_the_mass_an_input_moves_it_half_as_much_and_presses_the_ground_the_same() -> None:
+    """alpha of V is -LgV / 2, in units of |LgV| + 1; a torque's share of the contact force knows no mass."""
+    found = measure_scales(assembly(2.0), SEEDS)
+    V, *_, C1, C2 = found["alpha_scale"]
+    assert 0.5 * ROOM / 2 < V < 0.5 * ROOM  # of four components the greatest has at least half of the length
+    assert C1 == C2 == LEAST
+    assert all(value > 1 for value in found["error_scale"])
+
+
+def test_the_line_in_a_file_is_written_and_nothing_else(tmp_path: Path) -> None:
+    file = tmp_path / "mine.py"
+    file.write_text("A = 1\nSCALES: Any = {}\nB = 2\n")
+    words = ["--controller", "rl-clf-qp", "--plant", "rigid", "--stones", "2", "--walks", "1", "--into", str(file)]
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 0, done.output
+    first, line, last = file.read_text().splitlines()
+    assert (first, last) == ("A = 1", "B = 2")
+    assert line.replace("SCALES: Any", "SCALES") == done.output.strip().splitlines()[-1]

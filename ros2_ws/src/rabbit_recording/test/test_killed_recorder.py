@@ -1,18 +1,32 @@
-"""A recorder that is killed, or whose disk is full, loses at most the last second; any cut leaves what is before it."""
+"""A recorder that is killed loses at most the last second; any cut leaves what is before it.
+
+Recordings that would take gigabytes or hours, or are none, are refused in one line.
+"""
 
 import contextlib
 import multiprocessing
 import random
+import shutil
+import sqlite3
 import struct
 import time
+from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 import pytest
 from rabbit_recording import RecordingError
 from rabbit_recording.bag_writer import BagWriter, graph_types
+from rabbit_recording.commands.bag import app
+from rabbit_recording.contents import contents
+from rabbit_recording.episode_inventory import MOST_UNHEARD
 from rabbit_recording.open_recording import opened
+from rabbit_recording.reader import iterate_episodes
 from rabbit_recording.recover import recover
+from recorded_walk import DRAWS, MESSAGES, in_sqlite3
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+from typer.testing import CliRunner
 
 TICKS_A_SECOND = 100
 TICK_SECONDS = 1 / TICKS_A_SECOND
@@ -81,22 +95,123 @@ def test_any_cut_of_an_mcap_file_leaves_what_is_before_it(tmp_path: Path) -> Non
     assert {0, 8, 16, 24, 32, 40} >= set(found) > {0, 40}
 
 
-def test_what_is_recovered_is_the_recording(tmp_path: Path) -> None:
-    writer = open_writer(tmp_path / "bag")
-    for tick in (3, 1, 2):  # in the order of arrival, not of time
-        writer.write("/tick", tick, struct.pack("<q", tick))
+STATE = "rabbit_msgs/msg/RobotState"
+TICK = {"/state": STATE, "/torque": "rabbit_msgs/msg/TorqueCommand"}
+TICK |= {"/controller_state": "rabbit_msgs/msg/ControllerState", "/learner_terms": "rabbit_msgs/msg/LearnerTerms"}
+TYPES = graph_types([MESSAGES])
+
+
+def state(episode: int, tick: int) -> bytes:
+    """The beginning of a message, as far as it is read without decoding it."""
+    stamp = (tick // 100, tick % 100 * 10_000_000)
+    head = bytes([0, 1, 0, 0]) + struct.pack("<iIIIII", *stamp, 1, 0, episode, tick)
+    no_torque_and_three_empty_texts = bytes(4) + 3 * struct.pack("<II", 1, 0)
+    return head + no_torque_and_three_empty_texts
+
+
+def write(path: Path, messages: list[bytes], chunks: int = 1) -> Path:
+    """A recording of ticks by our own recorder, all messages of one with the same bytes; its index names each chunk
+    so many times.
+    """
+    writer = BagWriter(path, TYPES)
+    for topic, kind in TICK.items():
+        writer.add(topic, kind, [])
+    for at, data in enumerate(messages):
+        for topic in TICK:
+            writer.write(topic, at, data)
+        writer.flush()
+    if chunks > 1:
+        index: Any = writer._writer.storage.chunks
+        for record in list(index) * (chunks - 1):
+            index.append(record)
     writer.close()
-    done = recover(tmp_path / "bag")
-    assert done.messages == 3
-    assert done.path == tmp_path / "bag-recovered"
-    assert ticks_in(done.path) == ticks_in(tmp_path / "bag") == [1, 2, 3]
-    with opened(done.path) as new, opened(tmp_path / "bag") as old:
-        (one,), (other,) = new.connections, old.connections
-        assert (one.topic, one.msgtype, one.msgdef, one.digest) == (
-            other.topic,
-            other.msgtype,
-            other.msgdef,
-            other.digest,
-        )
-    with pytest.raises(RecordingError, match="exists already"):
-        recover(tmp_path / "bag")
+    return path
+
+
+def zeros(path: Path, bytes_: int, definition: str | None = None) -> Path:
+    """A recording of one message of zeros, compressed by chunks; its definition may be another."""
+    writer = Writer(path, version=9, storage_plugin=StoragePlugin.MCAP)
+    writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+    with writer:
+        text = definition or TYPES.generate_msgdef(STATE, ros_version=2)[0]
+        connection = writer.add_connection("/state", STATE, msgdef=text, rihs01=TYPES.hash_rihs01(STATE))
+        writer.write(connection, 0, bytes(bytes_))
+    return path
+
+
+def chunk_of_zeros(path: Path) -> str:
+    zeros(path, 300_000_000)
+    return "a chunk of 300"
+
+
+def chunk_named_often(path: Path) -> str:
+    write(path, [state(1, tick) for tick in range(3)], chunks=1000)
+    return "overlap: expected each once"
+
+
+def long_array(path: Path) -> str:
+    zeros(path, 100, "builtin_interfaces/Time stamp\nstring[4000000000] q\n")
+    return "an array of more than"
+
+
+def computed_column(path: Path) -> str:
+    in_sqlite3(write(path.with_name("in_mcap"), [state(1, 0)]), path)
+    (file,) = path.glob("*.db3")
+    with closing(sqlite3.connect(file)) as database:
+        database.execute("ALTER TABLE messages ADD COLUMN more BLOB GENERATED ALWAYS AS (zeroblob(900000000))")
+        database.commit()
+    return "expected columns of plain values"
+
+
+BOMBS = (chunk_of_zeros, chunk_named_often, long_array, computed_column)
+
+
+@pytest.mark.parametrize("bomb", BOMBS)
+def test_a_bomb_is_refused_in_one_line(tmp_path: Path, bomb: Callable[[Path], str]) -> None:
+    said = bomb(tmp_path / "bag")
+    for read in (contents, lambda path: list(iterate_episodes(path))):
+        with pytest.raises(RecordingError) as refused:
+            read(tmp_path / "bag")
+        assert said in str(refused.value)
+        assert "\n" not in str(refused.value)
+        assert len(str(refused.value)) < 2000
+
+
+def test_a_damaged_tick_takes_no_memory(tmp_path: Path) -> None:
+    """2^32 - 3 ticks are counted as lost, and none is kept."""
+    last = 2**32 - 1
+    (episode,) = contents(write(tmp_path / "bag", [state(1, 0), state(1, 1), state(1, last)])).episodes
+    assert (episode.recorded, episode.lost) == (3, last - 2)
+
+
+def test_damaged_episode_numbers_take_no_memory(tmp_path: Path) -> None:
+    """Each is far from the one before."""
+    numbers = [1 + 10_000 * i for i in range(300)]
+    whole = contents(write(tmp_path / "bag", [state(number, tick) for number in numbers for tick in (0, 1)]))
+    assert [episode.number for episode in whole.episodes if episode.presence == "recorded"] == numbers
+    assert sum(episode.presence == "lost" for episode in whole.episodes) == MOST_UNHEARD
+
+
+@pytest.mark.parametrize("command", ["info", pytest.param("plot", marks=DRAWS), "check"])
+@pytest.mark.parametrize(("name", "said"), [("none", "no such file or folder"), (".", "expected a rosbag2 folder")])
+def test_refused_in_one_line(tmp_path: Path, command: str, name: str, said: str) -> None:
+    done = CliRunner().invoke(app, [command, str(tmp_path / name)])
+    assert (done.exit_code, done.stderr.count("\n")) == (2, 1), done.output
+    assert said in done.stderr
+    assert str(tmp_path / name) in done.stderr
+
+
+@DRAWS
+def test_other_message_definitions_are_refused(tmp_path: Path) -> None:
+    """A recording of a version whose state had no `q`."""
+    share = shutil.copytree(MESSAGES, tmp_path / "rabbit_msgs")
+    (share / "msg" / "RobotState.msg").write_text("uint32 episode\nuint32 tick\nfloat64 angle\n")
+    types = graph_types([share])
+    writer = BagWriter(tmp_path / "bag", types)
+    writer.add("/state", "rabbit_msgs/msg/RobotState", [])
+    state = types.types["rabbit_msgs/msg/RobotState"](episode=1, tick=0, angle=0.0)
+    writer.write("/state", 0, bytes(types.serialize_cdr(state, "rabbit_msgs/msg/RobotState")))
+    writer.close()
+    done = CliRunner().invoke(app, ["plot", str(tmp_path / "bag")])
+    assert (done.exit_code, done.stderr.count("\n")) == (2, 1), done.output
+    assert "other message definitions" in done.stderr

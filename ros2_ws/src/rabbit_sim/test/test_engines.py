@@ -16,7 +16,6 @@ from rabbit_sim.plant import FOOT_RADIUS, GRAVITY, Span
 from rabbit_sim.pybullet_plant import PybulletPlant
 from rabbit_sim.rigid_plant import RigidPlant
 from rabbit_sim.robot_urdf import leg_shape
-from rabbit_sim.simulation import FLIGHT_SECONDS, flight_ticks
 
 PERTURBED = {"mass_scale": 1.7, "payload": 11.0, "payload_height": 0.4, "link_bend": 0.06, "joint_damping": 2.5}
 LOADED = {"payload": 8.0, "payload_ahead": 0.1, "left_leg_scale": 1.3, "swing_payload": 9.0, "slope": 3.0}
@@ -107,18 +106,6 @@ def test_a_robot_without_stones_falls_freely_and_the_torque_lasts_the_whole_tick
     assert not driven.contact.any()
 
 
-@pytest.mark.parametrize(("force", "seconds", "ticks"), [(300.0, 0.025, 4), (-120.0, 0.1, 12)])
-def test_a_push_gives_its_whole_impulse_and_then_ends(engine, random_state, truth, force, seconds, ticks):
-    robot = truth(**PERTURBED)
-    with world(engine, robot.parameters, random_state(4)[0], np.zeros(7)) as plant:
-        plant.push(force, seconds)
-        for _ in range(ticks):
-            plant.advance(np.zeros(4))
-        pushed = plant.observe()
-    fall = -9.81 * robot.mass * ticks * TICK_SECONDS
-    assert robot.momentum(pushed.q, pushed.dq) == pytest.approx([force * seconds, fall], rel=2e-3)
-
-
 def test_a_push_acts_at_the_torsos_centre_of_mass(engine, random_state, truth):
     """Generalised impulse J' F t, to the 2% that a tick moves the robot."""
     robot = truth()
@@ -132,15 +119,6 @@ def test_a_push_acts_at_the_torsos_centre_of_mass(engine, random_state, truth):
     impulse = robot.mass_matrix(q) @ (ended[1] - ended[0])
     expected = np.array([1.0, 0, arm * np.cos(q[2]), 0, 0, 0, 0]) * 200.0 * TICK_SECONDS
     assert np.abs(impulse - expected).max() < 0.02 * expected[0]
-
-
-def test_robot_parts_but_feet_collide_with_nothing(engine):
-    """With its hips below the ground's top and its feet above any ground there is no force."""
-    q = np.array([0, -0.3, 0, np.pi - 0.3, 0.2, np.pi + 0.3, -0.2])
-    with world(engine, SimulationParameters(), q, np.zeros(7), [Span(-0.05, 0.05)]) as plant:
-        assert plant.observe().foot_position[:, 1].min() > 0.2
-        plant.advance(np.zeros(4))
-        assert not plant.observe().foot_force.any()
 
 
 @pytest.mark.parametrize("changes", [{}, PERTURBED])
@@ -166,17 +144,6 @@ def test_stance_follows_the_pinned_model(engine, truth, changes, seed):
     size = np.abs(expected.foot_force).max()
     assert np.abs(measured.foot_force - expected.foot_force).max() < 0.02 * size
     assert measured.contact.tolist() == expected.contact.tolist() == [True, False]
-
-
-def test_a_standing_foot_sinks_by_its_weight_over_its_stiffness(engine, truth):
-    robot = truth()
-    q, dq = standing(robot)
-    with world(engine, robot.parameters, q, dq, GROUND) as plant:
-        for _ in range(SETTLING_TICKS):
-            plant.advance(PRESSING)
-        reading = plant.observe()
-    sunk = reading.foot_force[Leg.LEFT, 1] / RUBBER_STIFFNESS
-    assert reading.foot_position[Leg.LEFT, 1] == pytest.approx(-sunk, rel=0.1)
 
 
 def column():
@@ -210,23 +177,6 @@ def test_the_robot_on_soft_ground_swings_as_a_block_on_a_spring(engine, damping)
     np.testing.assert_allclose(heights, -static * (1 - swing), atol=numerical * static)
 
 
-def test_a_hop_that_soft_ground_throws_comes_down_before_it_is_a_flight(engine):
-    """Dropped from 1.5 g / w^2 the ground carries three times the weight; then sqrt(12) / w = 88 ms in the air."""
-    parameters = SimulationParameters(ground_stiffness=5e4, ground_damping=0.0, mass_scale=2.0)
-    rate = np.sqrt(2 * 5e4 / 64)
-    q = column()
-    q[1] += 1.5 * GRAVITY / rate**2
-    with world(engine, parameters, q, np.zeros(7), GROUND) as plant:
-        contact = []
-        for _ in range(40):
-            plant.advance(np.zeros(4))
-            contact.append(plant.observe().contact.any())
-    landed = contact.index(True)
-    left = contact.index(False, landed)
-    hop = contact.index(True, left) - left
-    assert FLIGHT_SECONDS / TICK_SECONDS < hop <= np.sqrt(12) / rate / TICK_SECONDS < flight_ticks(parameters)
-
-
 @pytest.mark.parametrize("slope", [-5.0, 2.0])
 def test_a_slope_turns_gravity(engine, random_state, truth, slope):
     """In the ground's frame: uphill it pulls backward."""
@@ -256,18 +206,6 @@ def test_dry_friction_holds_a_joint_and_then_takes_its_share(engine, random_stat
     assert (np.sign(slid.dq[3:]) == signs).all()
     assert np.abs(held.q[3:] - q[3:]).max() < 2e-4
     assert slid.dq == pytest.approx(smooth.dq, abs=0.03 * np.abs(smooth.dq[2:]).max())
-
-
-def test_a_knees_spring_pulls_it_to_its_rest(engine, random_state, truth):
-    """As a torque at that knee: compared over one tick, in which the knee hardly moves."""
-    q = random_state(4)[0]
-    springs = 60.0 * np.array([0, 0.4 - q[4], 0, 0.4 - q[6]])
-    ended = []
-    for changes, torque in (({"knee_spring": 60.0}, np.zeros(4)), ({}, springs)):
-        with world(engine, truth(**changes).parameters, q, np.zeros(7)) as plant:
-            plant.advance(torque)
-            ended.append(plant.observe().dq)
-    assert ended[0] == pytest.approx(ended[1], abs=0.02 * np.abs(ended[1][2:]).max())
 
 
 def test_measured_forces_are_the_momentum_that_the_ground_gives(engine, truth):
@@ -310,50 +248,6 @@ def test_a_foot_stands_up_to_the_edge_of_a_real_stone(engine, truth, edge, stand
         for _ in range(3):
             plant.advance(np.zeros(4))
         assert plant.observe().contact[Leg.LEFT] == stands
-
-
-@pytest.mark.parametrize("top", [0.04, -0.03])
-def test_a_foot_stands_on_a_stone_of_any_height(engine, truth, top):
-    q, dq = standing(truth())
-    q[1] += top
-    with world(engine, SimulationParameters(), q, dq, [Span(-0.05, 0.05, top)]) as plant:
-        for _ in range(SETTLING_TICKS):
-            plant.advance(PRESSING)
-        reading = plant.observe()
-    assert reading.contact[Leg.LEFT]
-    sunk = reading.foot_force[Leg.LEFT, 1] / RUBBER_STIFFNESS
-    assert top - reading.foot_position[Leg.LEFT, 1] == pytest.approx(sunk, rel=0.1)
-
-
-@pytest.mark.parametrize("depth", [0.01, 0.03])
-def test_a_foot_falls_freely_onto_a_stone_that_gave_way(engine, depth):
-    with world(engine, SimulationParameters(), column(), np.zeros(7), GROUND) as plant:
-        for _ in range(3):
-            plant.advance(np.zeros(4))
-        plant.set_stones([GROUND[0]._replace(top=-depth)])
-        ticks = 0
-        while not plant.observe().contact.any() or not ticks:
-            plant.advance(np.zeros(4))
-            ticks += 1
-    assert ticks == np.ceil(np.sqrt(2 * depth / GRAVITY) / TICK_SECONDS)
-
-
-def test_a_foot_falls_into_a_real_gap_and_the_other_finds_its_stone(engine):
-    q = np.array([0.0, 0.0, 0.0, 0.3, 0.0, -0.3, 0.0])
-    q[1] = 0.03 - RabbitFeet().positions(q)[0, 1]
-    left, right = RabbitFeet().positions(q)[:, 0]
-    stones = [Span(left - 0.03, left + 0.03), Span(right + 0.02, right + 0.1)]
-    with world(engine, SimulationParameters(), q, np.zeros(7), stones) as plant:
-        touches = []
-        for _ in range(12):
-            plant.advance(np.zeros(4))
-            touches += plant.observe().touches
-    by_leg = {touch.leg: touch for touch in touches}
-    assert len(touches) == 2
-    assert by_leg[Leg.LEFT].hold
-    assert not by_leg[Leg.RIGHT].hold
-    assert by_leg[Leg.RIGHT].x == pytest.approx(right, abs=0.01)
-    assert by_leg[Leg.RIGHT].other_x == pytest.approx(left, abs=0.01)
 
 
 def test_an_engine_repeats_itself_bit_for_bit(engine, truth):

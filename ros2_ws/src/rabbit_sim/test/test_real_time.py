@@ -1,8 +1,13 @@
-"""What acts in a tick without a torque, by the tick; and when a machine is fit for real time."""
+"""What acts in a tick without a torque; when a machine is fit; what the simulator noted before it was killed."""
+
+import os
+import signal
+from pathlib import Path
 
 import numpy as np
 import pytest
 from rabbit_sim.real_time import LATE_SECONDS, WINDOW, Punctuality, Source, StandIn
+from rabbit_sim.restart_file import RestartFile, RestartPoint
 
 DAMPING = 10.0
 TORQUE, RATES = np.array([1.0, 2.0, 3.0, 4.0]), np.array([1.0, -1.0, 0.5, 0.0])
@@ -71,3 +76,19 @@ def test_fitness_is_the_share_of_late_ticks_in_the_newest_minute() -> None:
         watch.add(LATE_SECONDS / 2, Source.ANSWER)
     assert watch.is_fit
     assert (watch.late, watch.missed, watch.worst) == (allowed + 1, 1, 2 * LATE_SECONDS)
+
+
+def test_a_killed_process_has_noted_all(tmp_path: Path) -> None:
+    path = tmp_path / "new" / "memory"
+    child = os.fork()
+    if child == 0:
+        memory = RestartFile(path)
+        for tick in range(1000):
+            memory.note(**vars(RestartPoint(3, tick, 5000 + tick, True, 2, 2**64 - 1, 0.5, "ba639a4ab431")))
+        os.kill(os.getpid(), signal.SIGKILL)
+    os.waitpid(child, 0)
+    assert RestartFile(path).stand == RestartPoint(3, 999, 5999, True, 2, 2**64 - 1, 0.5, "ba639a4ab431")
+
+
+def test_the_first_one_begins_at_zero(tmp_path: Path) -> None:
+    assert RestartFile(tmp_path / "memory").stand == RestartFile(None).stand == RestartPoint()

@@ -1,12 +1,23 @@
-"""The pinned model and the rigid plant against the equation of motion, energy, momentum and the impact's identities."""
+"""The pinned model and the rigid plant against motion, energy, momentum and impact; what holds for any robot."""
 
 import numpy as np
+import pinocchio
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 from pinned_motion import accelerations
+from rabbit_description.gait import load_gait
 from rabbit_description.state import TICK_SECONDS, Leg
-from rabbit_sim.kinematics import RabbitFeet
+from rabbit_sim.actuation import Actuation
+from rabbit_sim.initial_state import initial_state
+from rabbit_sim.kinematics import LegShape, RabbitFeet
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.plant import FOOT_RADIUS
 from rabbit_sim.rigid_plant import RigidPlant
-from rabbit_sim.robot_urdf import leg_shape, true_mass
+from rabbit_sim.robot_urdf import leg_shape, perturbed_urdf, true_mass
+from rabbit_sim.stones import draw_course
+from rabbit_sim.terrain import Terrain
 
 PERTURBED = {"mass_scale": 1.7, "payload": 11.0, "payload_height": 0.4, "link_bend": 0.06, "joint_damping": 2.5}
 TORQUE = np.array([12.0, 25.0, -20.0, 8.0])
@@ -25,16 +36,6 @@ def test_pinned_dynamics_obey_the_equation_of_motion_and_hold_the_foot(random_st
     assert jacobian @ ddq + drift == pytest.approx([0, 0], abs=1e-6)
     pushed = robot.free_acceleration(q, dq, TORQUE) + np.linalg.solve(robot.mass_matrix(q), jacobian.T @ force)
     assert ddq == pytest.approx(pushed, rel=1e-9, abs=1e-9)
-
-
-@pytest.mark.parametrize("scale", [0.5, 2.0, 3.0])
-def test_mass_scale_with_scaled_torque_moves_alike_and_scales_the_forces(random_state, truth, scale):
-    q, dq = random_state(1)
-    nominal, heavy = truth().pinned(), truth(mass_scale=scale).pinned()
-    ddq, force = accelerations(nominal, q, dq, TORQUE, Leg.LEFT)
-    scaled_ddq, scaled_force = accelerations(heavy, q, dq, scale * TORQUE, Leg.LEFT)
-    assert scaled_ddq == pytest.approx(ddq, rel=1e-9)
-    assert scaled_force == pytest.approx(scale * force, rel=1e-9)
 
 
 @pytest.mark.parametrize("changes", [{}, PERTURBED])
@@ -104,19 +105,6 @@ def test_rigid_locates_the_impact_and_pins_the_other_foot(truth, changes):
     assert given == pytest.approx(gained, rel=1e-7)
 
 
-def test_rigid_mean_force_is_the_momentum_over_the_tick(truth):
-    robot = truth(plant="rigid")
-    q, dq = robot.start()
-    plant = RigidPlant(robot.parameters)
-    plant.reset(q, dq, Leg.LEFT)
-    plant.advance(TORQUE)
-    reading = plant.observe()
-    gained = robot.momentum(reading.q, reading.dq) - robot.momentum(q, dq)
-    weight = [0, robot.mass * 9.81 * TICK_SECONDS]
-    assert reading.foot_force[Leg.LEFT] * TICK_SECONDS == pytest.approx(gained + weight, rel=1e-8)
-    assert not reading.foot_force[Leg.RIGHT].any()
-
-
 @pytest.mark.parametrize("slope", [4.0, -7.0])
 def test_a_slope_is_a_turned_world(truth, slope):
     """In the ground's frame and in the level one the robot does the same; the pinned foot knows no ground."""
@@ -148,3 +136,94 @@ def test_loads_weigh_where_they_are(truth):
     assert added[:2, 2] == pytest.approx([moment[1], -moment[0]])  # of a turn about +y
     about_hip = 8.0 * (0.1**2 + 0.3**2) + legs @ [0.11**2 + 0.47 / 6.8, 0.64**2 + 0.20 / 3.2]
     assert added[2, 2] == pytest.approx(about_hip)
+
+
+GAIT = load_gait("authors_035")
+
+
+def numbers(low, high):
+    return st.floats(low, high, allow_nan=False, allow_subnormal=False)
+
+
+robots = st.builds(
+    SimulationParameters,
+    mass_scale=numbers(0.2, 5),
+    payload=numbers(0, 80),
+    payload_height=numbers(-0.2, 0.6),
+    link_bend=numbers(-0.2, 0.2),
+    leg_stretch=numbers(0.9, 1.1),
+)
+postures = arrays(float, 7, elements=numbers(-1.5, 1.5))
+rates = arrays(float, 7, elements=numbers(-10, 10))
+commands = arrays(float, (6, 4), elements=numbers(-1000, 1000))
+legs = st.sampled_from(Leg)
+
+
+def model_of(parameters):
+    model = pinocchio.buildModelFromXML(perturbed_urdf(parameters))
+    return model, model.createData(), [model.getFrameId(name) for name in ("left_foot", "right_foot")]
+
+
+@settings(max_examples=50, deadline=None)
+@given(robots, postures, rates, legs)
+def test_own_kinematics_are_those_of_the_urdf(p, q, dq, leg):
+    check_kinematics(p, q, dq, leg)
+
+
+@settings(max_examples=50, deadline=None)
+@given(robots, numbers(FOOT_RADIUS, 0.2), postures, rates, legs)
+def test_a_round_sole_is_where_its_lowest_point_is(p, radius, q, dq, leg):
+    check_kinematics(p.model_copy(update={"sole_radius": radius}), q, dq, leg)
+
+
+def check_kinematics(p, q, dq, leg):
+    """The lowest point of the sole, and how it moves as a part of the shin, against pinocchio."""
+    model, data, frames = model_of(p)
+    roll = p.sole_radius - FOOT_RADIUS
+    pinocchio.forwardKinematics(model, data, q, dq, np.zeros(7))
+    pinocchio.updateFramePlacements(model, data)
+    axes = pinocchio.LOCAL_WORLD_ALIGNED
+    frame = data.oMf[frames[leg]]
+    place = frame.act(np.array([0.0, 0.0, roll]))[[0, 2]] - (0.0, roll)
+    motion = pinocchio.getFrameVelocity(model, data, frames[leg], axes)
+    ahead, up = place - frame.translation[[0, 2]]
+    velocity = motion.linear[[0, 2]] + motion.angular[1] * np.array([up, -ahead])
+    np.testing.assert_allclose(RabbitFeet(leg_shape(p)).positions(q)[leg], place, atol=1e-12)
+    np.testing.assert_allclose(RabbitFeet(leg_shape(p)).jacobian(q, leg) @ dq, velocity, atol=1e-11)
+
+
+@settings(max_examples=50, deadline=None)
+@given(commands, numbers(0, 0.05), numbers(0, 0.9), st.integers(0, 30), numbers(1, 300))
+def test_no_motor_gives_more_than_its_limit_and_loss_allow(asked, lag, loss, delay_ms, limit):
+    motor = Actuation(
+        SimulationParameters(motor_lag=lag, motor_loss=loss, torque_delay=delay_ms * 0.001, torque_limit=limit)
+    )
+    for command in asked:
+        given_torque = motor.advance(command)
+        assert given_torque.shape == (10, 4)
+        assert np.abs(given_torque).max() <= (1 - loss) * limit * (1 + 1e-9)
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(0, 2**32), st.lists(numbers(-0.02, 0.02), min_size=20, max_size=20))
+def test_absolute_stones_do_not_depend_on_where_the_feet_land(seed, errors):
+    p = SimulationParameters(stone_placement="absolute", stones=20)
+    course = draw_course(p, np.random.default_rng(seed))
+    exact, sloppy = Terrain(p, course), Terrain(p, course)
+    for index, error in enumerate(errors, start=1):
+        exact.place_next(index, 0.0)
+        seen = sloppy.place_next(index, error)
+        near, far, _ = sloppy.placed[-1]
+        np.testing.assert_allclose((seen.l_min + error, seen.l_max + error), (near, far), atol=1e-12)
+    np.testing.assert_allclose(exact.placed, sloppy.placed, atol=1e-12)
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.integers(0, 2**32), numbers(0, 3), numbers(-0.1, 0.1))
+def test_the_first_state_stands_whatever_the_noise(seed, spread, bend):
+    p = SimulationParameters(x0_spread=spread, link_bend=bend)
+    q, dq = initial_state(p, GAIT, np.random.default_rng(seed))
+    feet = RabbitFeet(LegShape.of(bend)).positions(q)
+    np.testing.assert_allclose(feet[Leg.LEFT], 0, atol=1e-12)
+    np.testing.assert_allclose(RabbitFeet(LegShape.of(bend)).jacobian(q, Leg.LEFT) @ dq, 0, atol=1e-11)
+    assert feet[Leg.RIGHT, 1] >= -1e-12

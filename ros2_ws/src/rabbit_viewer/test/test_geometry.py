@@ -3,9 +3,9 @@
 import casadi as ca
 import numpy as np
 import pytest
-from rabbit_description.state import Array, Leg, StonePreview
+from rabbit_description.state import Array, StonePreview
 from rabbit_sim.kinematics import LegShape, RabbitFeet
-from rabbit_viewer.geometry import ARC, allowed_area, feet, force_arrow, leg_points, torso_points
+from rabbit_viewer.geometry import ARC, allowed_area, feet
 from rl_cbf_clf_controller.stone_barriers import stone_barriers
 
 RNG = np.random.default_rng(0)
@@ -16,13 +16,6 @@ STATES = RNG.uniform(-1, 1, (20, 7))
 def test_feet_are_where_the_plant_has_them(links: tuple[float, float]) -> None:
     expected = [RabbitFeet(LegShape.of(*links)).positions(q) for q in STATES]
     assert feet(STATES, links) == pytest.approx(np.array(expected))
-
-
-def test_links_have_their_lengths() -> None:
-    for leg in Leg:
-        links = np.diff(leg_points(STATES, leg), axis=1)
-        assert np.linalg.norm(links, axis=2) == pytest.approx(np.full((20, 2), 0.4))
-    assert np.linalg.norm(np.diff(torso_points(STATES), axis=1), axis=2) == pytest.approx(np.full((20, 1), 0.63))
 
 
 def barriers(point: Array, stone: StonePreview, R1: float, R2: float) -> Array:
@@ -40,8 +33,3 @@ def test_area_is_bounded_by_the_barriers() -> None:
     assert values[ARC:-2, 0] == pytest.approx(0, abs=1e-12)  # the outer circle
     middle = np.array([stone.l_min / 2, 0.0])
     assert barriers(middle, stone, R1, R2)[1] < 0
-
-
-def test_an_arrow_is_as_long_as_its_force_says() -> None:
-    assert force_arrow(np.array([240.0, 300.0])) == pytest.approx([0.24, 0.3])
-    assert not force_arrow(np.zeros(2)).any()

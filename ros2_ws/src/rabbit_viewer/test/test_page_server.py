@@ -98,17 +98,6 @@ def test_two_browsers_and_a_late_third_see_the_same(page: PageServer, broadcast:
         two.wait(lambda client: client.words["about"]["title"] == "next" and len(client.rows) == 3)
 
 
-def test_a_refusal_goes_to_the_browser_that_asked(page: PageServer) -> None:
-    with PageClient(page.address) as one, PageClient(page.address) as two:
-        one.say("no")
-        one.wait(lambda client: "refused" in client.words)
-        assert one.words["refused"]["text"] == "no"
-        one.say(b"\0\1")
-        one.wait(lambda client: client.words["refused"]["text"] == "bytes: expected JSON")
-        two.say("1")
-        assert not two.hear(0.1) or "refused" not in two.words
-
-
 def test_too_many_messages_are_refused(page: PageServer) -> None:
     with PageClient(page.address) as one:
         for _ in range(5 * MOST_MESSAGES):

@@ -16,7 +16,7 @@ from rabbit_viewer.page.broadcast import Broadcast
 from rabbit_viewer.play.messages import ASKED, Asked
 from rabbit_viewer.play.player import Player
 from rabbit_viewer.play.serving import Door, check_walk, tell
-from rabbit_viewer.play.settings import PlaySettings, Start, controls
+from rabbit_viewer.play.settings import PlaySettings, Start
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
 BASE = SimulationParameters(stop_at_miss=False)
@@ -113,48 +113,6 @@ def test_a_link_is_the_same_walk_with_its_settings(played: Callable[..., Played]
     assert two.words["state"]["settings"] == settings
 
 
-def test_policy_and_robot_change_at_once_and_the_course_from_the_next_reset(played: Callable[..., Played]) -> None:
-    one = played(mass_scale=1.0).walk(30)
-    one.choose(first="nominal", mass_scale=2.0, stone_width=0.1)
-    assert one.words["state"]["waiting"] == ["stone_width"]
-    one.walk(2)
-    assert one.rows()["events"].astype(int)[30] & 8
-    assert not one.rows()["estimated_V"][-1]  # over the tick before, by the zero policy
-    assert one.walk().rows()["F_N"].max() > 1.5 * played(mass_scale=1.0).walk().rows()["F_N"][30:].max()
-    one.ask(do="reset")
-    one.walk(1)
-    assert one.words["state"]["waiting"] == []
-    width = one.rows()["stone_far"] - one.rows()["stone_near"]
-    assert width[0] == pytest.approx(0.1, abs=1e-6)
-
-
-def test_the_oracle_knows_the_robot_that_it_becomes(played: Callable[..., Played]) -> None:
-    one = played(first="oracle", mass_scale=1.0, stones=8).walk(60)
-    one.choose(mass_scale=2.0)
-    assert one.walk().outcomes == [("walked", 8)]
-
-
-def test_the_true_error_is_drawn_whoever_controls(played: Callable[..., Played]) -> None:
-    """It is the oracle's estimate, and not the nominal robot's, which is zero."""
-    oracle, nominal = (played(first=name, mass_scale=1.5).walk(60).rows() for name in ("oracle", "nominal"))
-    np.testing.assert_allclose(oracle["true_V"], oracle["estimated_V"], rtol=1e-5)
-    assert not np.nan_to_num(nominal["estimated_V"]).any()
-    known = np.isfinite(nominal["true_B1"]) & np.isfinite(nominal["measured_B1"])
-    assert np.corrcoef(nominal["true_B1"][known], nominal["measured_B1"][known])[0, 1] > 0.9
-
-
-def test_pause_holds_and_a_tick_is_one(played: Callable[..., Played]) -> None:
-    one = played().walk(6)
-    one.ask(do="pause", paused=True)
-    assert not one.player.is_moving
-    one.ask(do="tick")
-    assert len(one.rows()["tick"]) == 7
-    one.ask(do="pause", paused=False)
-    assert one.player.is_moving
-    one.ask(do="speed", speed=0.5)
-    assert one.player.seconds == pytest.approx(0.02)
-
-
 def test_why_it_fell_is_the_barrier_that_its_foot_was_beyond(played: Callable[..., Played]) -> None:
     """With three times the mass the first foot lands past the far edge; the named tick's row is in its explanation."""
     one = played(first="tuned", mass_scale=3.0).walk()
@@ -238,37 +196,3 @@ def test_what_the_plant_refuses_is_refused_at_the_door() -> None:
     assert "coulomb = 5 with plant rigid: expected 0, pybullet or mujoco" in answer(rigid, begun)
     assert not answer(start_of(), begun)
     assert not answer(start_of(), push)
-
-
-def any_settings(rng: random.Random) -> dict[str, Any]:
-    """Half of them anywhere within their bounds."""
-    chosen: dict[str, Any] = {}
-    for control in controls():
-        name = control["name"]
-        if "enum" in control:
-            chosen[name] = rng.choice(control["enum"])
-        elif control["type"] == "integer":
-            chosen[name] = rng.randint(1, 9)
-        elif rng.random() < 0.5:
-            chosen[name] = rng.uniform(control["minimum"], control["maximum"])
-    return chosen
-
-
-def test_whatever_is_chosen_the_player_goes_on(played: Callable[..., Played]) -> None:
-    """Whatever the door lets pass."""
-    rng, one = random.Random(5), played()
-    door = Door(partial(check_walk, start_of()), one.player.take)
-
-    def choose(do: str) -> None:
-        while door(json.dumps({"do": do, "settings": any_settings(rng)})):
-            pass
-        one.player.say_state()
-
-    for _ in range(15):
-        choose("begin")
-        for tick in range(60):
-            one.player.tick()
-            if tick % 20 == 10:
-                one.ask(do="push", force=rng.uniform(-1000, 1000), seconds=rng.uniform(0.01, 1))
-                choose("set")
-        assert len(one.rows()["tick"]) > 5

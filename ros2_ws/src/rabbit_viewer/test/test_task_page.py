@@ -10,11 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 from own_cart import CART, LIMIT
-from rabbit_description.task import Disc, Line
 from rabbit_description.task_source import load_task
 from rabbit_recording.task_recording import explain_ride
 from rabbit_viewer.page.broadcast import Broadcast
-from rabbit_viewer.page.ride import RideRows, numbers_of
+from rabbit_viewer.page.ride import RideRows
 from rabbit_viewer.play.messages import ASKED
 from rabbit_viewer.play.serving import Door, tell
 from rabbit_viewer.play.task_player import Start, TaskPlayer, altered, check_asked, rates_of, settings_of
@@ -82,13 +81,6 @@ def test_a_row_has_each_row_of_the_qp(start: Start) -> None:
     assert any("wall" in m.decided.active for m in ride.moments)
 
 
-def test_a_picture_is_its_numbers_as_far_as_there_is_room() -> None:
-    line, disc = Line(np.array([[0, 1], [2, 3]]), "#010203", 4.0), Disc((5, 6), 0.5, "red")
-    assert numbers_of([line, disc]) == [2, 0x010203, 4, 0, 1, 2, 3, 0, 0xFF0000, 0.5, 5, 6]
-    assert numbers_of([line, disc], 9)[:7] == [2, 0x010203, 4, 0, 1, 2, 3]
-    assert np.isnan(numbers_of([line, disc], 9)[7:]).all()
-
-
 def test_what_is_played_is_the_ride_in_process(start: Start) -> None:
     played, task = Played(start).ride(), load_task(start.source)
     for i, name in enumerate(start.controllers):
@@ -143,27 +135,6 @@ def test_a_rate_follows_the_pace() -> None:
     assert at(0.4)["place_x"] == pytest.approx(commands(1.0)["place_x"] + 0.1)
 
 
-@pytest.mark.parametrize("name", ["cart_pole.py", "segway.py", "obstacle_arm.py", "amber_3m.yaml"])
-def test_every_default_is_within_its_bounds_and_is_the_tasks(name: str) -> None:
-    task = load_task(str(EXAMPLES / name))
-    made = settings_of(task, Start("", ("nominal", "oracle"), 5))
-    default = made.model_validate(made().model_dump())
-    assert {name: getattr(default, f"true_{name}") for name in task.nominal} == {**task.nominal, **task.true}
-
-
-def test_a_ride_that_raises_ends_and_the_next_one_begins(start: Start, tmp_path: Path) -> None:
-    mine = "controllers={'mine': lambda x, p: 1 / 0}, "
-    (tmp_path / "cart.py").write_text(CART.replace("draw=", f"{mine}draw="))
-    played = Played(replace(start, controllers=("mine", "oracle"))).ride()
-    outcomes = [each["outcome"] for each in played.words["ended"]["walkers"]]
-    assert outcomes[0].startswith(f"{tmp_path / 'cart.py'}, line 11: ZeroDivisionError: division by zero: `")
-    assert outcomes[1] == "done"
-    assert np.isnan(played.rows(0)["tick"]).all()
-    played.ask("begin", settings={"first": "oracle"})
-    played.player.tick()
-    assert played.ride().words["ended"]["walkers"][0]["outcome"] == "done"
-
-
 def test_a_tick_is_explained_live_as_in_process(start: Start) -> None:
     played = Played(start).ride(80)
     played.ask("explain", walker=0, tick=60)
@@ -191,14 +162,3 @@ def test_the_door_refuses_in_one_line(start: Start, message: dict[str, Any], sai
     assert said in line
     assert "\n" not in line
     assert passed == []
-
-
-def test_a_controller_without_a_qp_has_no_plots_of_one(start: Start, tmp_path: Path) -> None:
-    own = "controllers={'rest': lambda x, p: [-x[1]]}, "
-    (tmp_path / "cart.py").write_text(CART.replace("draw=", f"{own}draw="))
-    played = Played(replace(start, controllers=("rest", "oracle"))).ride()
-    titles = [[panel["title"] for panel in each["panels"]] for each in played.words["about"]["walkers"]]
-    assert titles[0] == ["barriers B", "input u"]
-    assert len(titles[1]) == 6
-    played.ask("explain", walker=0, tick=3)
-    assert played.words["explained"]["lines"] == ["tick 3 of rest: it has no QP"]

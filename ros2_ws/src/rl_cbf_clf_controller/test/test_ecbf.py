@@ -1,12 +1,14 @@
-"""Stone barriers against geometry."""
+"""Stone barriers against geometry; the rows on the ground's force against the friction cone."""
 
 from dataclasses import replace
 
 import casadi as ca
 import numpy as np
 import pytest
+from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.constraints import ecbf_gains
 from rabbit_description.state import StonePreview
+from rl_cbf_clf_controller.contact_force import force_rows
 from rl_cbf_clf_controller.stone_barriers import stone_barriers
 from scipy.linalg import expm
 
@@ -62,3 +64,20 @@ def test_where_the_row_holds_and_a_step_begins_inside_the_barrier_stays_positive
         B = flow @ [*B, 0.0]
         lowest = min(lowest, B[0])
     assert lowest < 0
+
+
+def upper(force, is_literal=False):
+    """By how much each row is kept, if the force is (F_N, F_T) whatever mu."""
+    given = Affine(ca.SX.zeros(2, 4), ca.SX(ca.DM(force)))
+    (block,) = force_rows(given, ca.SX(20.0), ca.SX(0.8), ca.SX(1e5), is_literal)
+    return ca.evalf(block.upper).full().ravel()
+
+
+@pytest.mark.parametrize(("force", "ok"), [((100, 79), True), ((100, -79), True), ((100, 81), False), ((10, 0), False)])
+def test_force_rows_are_the_cone(force, ok):
+    assert (upper(force) >= 0).all() == ok
+
+
+@pytest.mark.parametrize("tangential", [50.0, -90.0])
+def test_literal_cone_takes_the_present_sign(tangential):
+    assert upper((100.0, tangential), is_literal=True)[1] == pytest.approx(80 - abs(tangential))

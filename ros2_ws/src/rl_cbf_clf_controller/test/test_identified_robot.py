@@ -1,6 +1,7 @@
 """What adaptation learns from, what it estimates, and whose estimates it adds to."""
 
 from dataclasses import replace
+from functools import cache
 
 import casadi as ca
 import numpy as np
@@ -20,6 +21,7 @@ GAIT = load_gait("authors_035")
 STANDING = np.array([[0.0, 300.0], [0.0, 0.0]])
 TORQUE = np.array([10.0, -20.0, 30.0, 5.0])
 NONE = Estimates.zero(5, 4)
+ONE = pytest.mark.parametrize("state", [0], indirect=True)
 
 
 def controller(policy=None, **changes):
@@ -31,12 +33,22 @@ def state_of(q, dq):
     return RobotState(0, q, dq, np.zeros((2, 2)), np.zeros(2, bool), 0, StonePreview(1, 0.35, 0.40))
 
 
+@cache
+def adapting_controller():
+    """Its functions take a while to build."""
+    return controller(adaptation="identification")
+
+
+@cache
+def function_after_tick():
+    return after_tick(read_robot(), gives_way=False)
+
+
 class Identified:
     """A robot of which nothing is known at first."""
 
     def __init__(self):
-        self._robot = read_robot()
-        self._after = after_tick(self._robot, gives_way=False)
+        self._robot, self._after = read_robot(), function_after_tick()
         self.reset()
 
     def reset(self):
@@ -56,7 +68,8 @@ class Identified:
 
 def adapting(state):
     """A scene and a robot of which nothing is known."""
-    return controller(adaptation="identification").look(state_of(*state)), Identified()
+    adapting_controller().reset(0)
+    return adapting_controller().look(state_of(*state)), Identified()
 
 
 @pytest.mark.parametrize(
@@ -119,6 +132,7 @@ def sigma_of(variance: float) -> float:
     return float(np.sqrt(max(variance - RATE_NOISE**2, 0) / NOISE_WEIGHT))
 
 
+@ONE
 @pytest.mark.parametrize("sigma", [0.0, 0.1, 0.2])
 def test_white_noise_on_a_swing_of_the_torso_is_found(state, sigma):
     phase = 2 * np.pi * 2.0 * 0.01 * np.arange(4000)
@@ -130,6 +144,7 @@ def test_white_noise_on_a_swing_of_the_torso_is_found(state, sigma):
         assert sigma_of(fed(adaptation, here, pitch, rates, pause_every)) == pytest.approx(sigma, abs=0.012)
 
 
+@ONE
 def test_torques_that_chatter_are_no_noise(state):
     """The rate jumps to and fro by 0.3 rad/s from tick to tick, evenly, and the pitch with it."""
     rates = 0.15 * (-1.0) ** np.arange(200)
@@ -137,6 +152,7 @@ def test_torques_that_chatter_are_no_noise(state):
     assert sigma_of(fed(*reversed(adapting(state)), pitch, rates)) == pytest.approx(0.0, abs=1e-6)
 
 
+@ONE
 def test_a_push_is_no_noise(state):
     """It changes the rate by 3 rad/s at once, in one tick of fifty."""
     rates = np.repeat([0.0, 3.0], 25)
@@ -164,6 +180,7 @@ class Trained(Policy):
         return NONE
 
 
+@ONE
 @pytest.mark.parametrize(("trained", "runs"), [("none", "identification"), ("identification", "none")])
 def test_a_policy_that_adds_to_another_adaptation_is_refused(state, trained, runs):
     here = state_of(*state)

@@ -121,17 +121,6 @@ def test_uniform_scaling_scales_forces_and_slows_inputs(state, make_model):
     assert full.force.a == pytest.approx(light.force.a, rel=1e-7, abs=1e-9)
 
 
-def test_motor_gain_and_damping_enter_as_stated(state, make_model):
-    q, dq = state
-    u = np.array([10.0, -20.0, 5.0, 30.0])
-    perturbed, nominal = make_model(motor_gain=0.85, joint_damping=0.7), make_model()
-    perturbed.update(q, dq)
-    nominal.update(q, dq)
-    damping = 0.7 * np.diag(nominal.mass_matrix())[3:] * dq[3:]
-    expected = nominal.pinned().acceleration(0.85 * u - damping)
-    assert perturbed.pinned().acceleration(u) == pytest.approx(expected, rel=1e-9)
-
-
 @pytest.mark.parametrize("seed", range(20))
 def test_both_models_agree(seed, models):
     """Of robots with unlike legs, weak motors and damped joints, on level ground."""

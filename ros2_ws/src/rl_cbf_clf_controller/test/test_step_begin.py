@@ -11,18 +11,22 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rabbit_description import GAITS, LIBRARIES
 from rabbit_description.gait import load_gaits, shipped
+from rabbit_description.state import RobotState, StonePreview
+from rl_cbf_clf_controller.controller import Controller
+from rl_cbf_clf_controller.parameters import load_parameters
+from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_cbf_clf_controller.rabbit_step import HIGHEST_STONE
 from rl_cbf_clf_controller.robot_numbers import Feet, read_robot
-from rl_cbf_clf_controller.speed_regulation import MOST
 from rl_cbf_clf_controller.step_begin import HIGHER, kept_at_first, step_functions
 from rl_cbf_clf_controller.step_landing import DEPTH, LATE
-from rl_cbf_clf_controller.step_paths import GaitExpressions, Shape, gait_row, shares
-from rl_cbf_clf_controller.virtual_constraints import RABBIT_ANGLES, output_functions
+from rl_cbf_clf_controller.step_paths import GaitExpressions, Shape, gait_row
+from rl_cbf_clf_controller.virtual_constraints import RABBIT_ANGLES, VirtualConstraints, output_functions
 
 ROBOT, NONE = read_robot(), np.full(3, np.nan)
 OUTPUTS, _, DESIRED = output_functions(RABBIT_ANGLES)
 SLOPED = [name for name in shipped(LIBRARIES) if len(load_gaits(name).slopes) > 1]
-SEEDS, HEIGHTS = st.integers(0, 2**16), st.floats(-HIGHEST_STONE, HIGHEST_STONE)
+SEEDS = st.integers(0, 2**16)
+ROUNDING, H = 1e-15, 1e-6  # of q; of the phase
 MOST_INSTRUCTIONS = 5000  # gcc takes a second for 10,000
 
 
@@ -151,52 +155,6 @@ def test_a_foot_that_finds_no_ground_goes_straight_down(slopes, seed, height):
     assert lower_pitch == pytest.approx(pitch, abs=1e-9)
 
 
-def test_a_step_goes_to_its_share_of_the_stone_and_no_farther_than_the_library(slopes):
-    x = slopes.landed(0)
-    lengths = slopes.gaits.lengths
-    for near, wanted in ((0.36, 0.385), (0.1, lengths[0]), (0.9, lengths[-1])):
-        found = slopes.begin(x, np.array([near, near + 0.05, 0.0]))
-        assert slopes.kept(found, "wanted") == pytest.approx(wanted, abs=1e-15)
-        unseen = slopes.begin(x, NONE, steps=found["steps_after"])
-        assert slopes.kept(unseen, "wanted") == slopes.kept(found, "wanted"), "without a stone the length stays"
-
-
-@settings(deadline=None)
-@given(seed=SEEDS)
-def test_without_a_stone_a_step_lands_as_its_gaits_do(slopes, seed):
-    found = slopes.begin(slopes.landed(seed))
-    gait = slopes.gaits.level[slopes.gaits.lengths.index(slopes.gaits.start_length)]
-    np.testing.assert_allclose(desired(found, 1.0)[0], gait.coeffs[:, -1], atol=1e-12)
-    assert phase_angle(found, 1.0) == pytest.approx(gait.phase_angle_end, abs=1e-12)
-
-
-@pytest.mark.parametrize("regulation", ["learned", "integral"])
-def test_the_first_step_of_an_episode_regulates_nothing(regulation):
-    own = Beginning("slopes", regulation)
-    found = own.begin(own.landed(0))
-    np.testing.assert_array_equal(found["steps_after"], own.first()["steps_after"])
-    assert (own.kept(found, "slopes") == 0).all()
-
-
-@settings(deadline=None)
-@given(seed=SEEDS, change=st.floats(-20, 20))
-def test_an_explored_slope_stays_within_the_library(slopes, seed, change):
-    x = slopes.landed(seed)
-    own, explored = (slopes.begin(x, seconds=0.4, slope_change=c) for c in (0.0, change))
-    slope = slopes.kept(own, "slopes")[0]
-    assert abs(slope) <= MOST + 1e-12
-    assert slopes.kept(explored, "slopes")[0] == pytest.approx(np.clip(slope + change, -6, 6), abs=1e-12)
-
-
-@given(value=st.floats(-1, 6))
-def test_between_two_places_shares_are_linear(value):
-    places = [0.0, 1.0, 2.5, 5.0]
-    found = ca.evalf(shares(ca.SX(places), ca.SX(value))).full().ravel()
-    assert np.count_nonzero(found) <= 2
-    assert found.sum() == pytest.approx(1, abs=1e-15)
-    assert found @ places == pytest.approx(np.clip(value, 0, 5), abs=1e-15)
-
-
 def bits(values):
     """Of numbers; NaN are alike."""
     return np.where(np.isnan(values.full()), np.nan, values.full()).tobytes()
@@ -218,3 +176,35 @@ def test_in_c_it_is_the_same_to_the_bit(name, tmp_path):
     for machine, compiled, inputs in calls:
         for one, other in zip(machine(*inputs), compiled(*inputs), strict=True):
             assert bits(one) == bits(other)
+
+
+@pytest.mark.parametrize("since", [-0.3, -0.01, 0.0, 0.02, 0.3, 0.5, 0.9])
+def test_desired_outputs_are_smooth_before_at_and_after_the_beginning_of_a_step(slopes, since):
+    """Along a motion each derivative is the slope of the one before it."""
+    (q, dq), outputs = np.split(slopes.landed(0), 2), VirtualConstraints(slopes.each[0])
+    found = slopes.begin(slopes.landed(0), np.array([0.42, 0.47, 0.0]))
+    outputs.row, outputs.scale = found["path"], found["phase_scale"]
+    rate = outputs.evaluate(q, dq).phase_rate
+    q = q + since / rate * dq
+    behind, here, ahead = (outputs.evaluate(q + step / rate * dq, dq) for step in (-H, 0, H))
+    per_time = rate / (2 * H)
+    assert here.dy == pytest.approx((ahead.y - behind.y) * per_time, abs=1e-3)
+    assert here.bias == pytest.approx((ahead.dy - behind.dy) * per_time, abs=1e-2)
+
+
+@pytest.mark.parametrize("name", ["ours", "best"])
+def test_rounding_of_the_state_changes_the_first_torque_of_a_step_by_rounding(slopes, name):
+    """The first tick of an episode begins a step."""
+    parameters = load_parameters(name, gait="slopes", qp_solver="daqp")
+    controller = Controller(parameters, slopes.gaits, ZeroPolicy(parameters.problem))
+
+    def first_torque(q, dq):
+        controller.reset(0)
+        stone = StonePreview(1, 0.38, 0.43)
+        return controller.step(RobotState(0, q, dq, np.zeros((2, 2)), np.zeros(2, dtype=bool), 0, stone)).torque
+
+    for seed in range(10):
+        q, dq = np.split(slopes.landed(seed), 2)
+        signs = np.random.default_rng(seed).choice([-1, 0, 1], (4, 7))
+        torques = [first_torque(q * (1 + ROUNDING * sign), dq) for sign in signs]
+        np.testing.assert_allclose(torques, torques[:1] * 4, rtol=0, atol=1e-6)

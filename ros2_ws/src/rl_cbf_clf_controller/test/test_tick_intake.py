@@ -1,12 +1,16 @@
-"""What a controller takes from a simulator: only ticks as long as its own."""
+"""What a controller takes from a simulator: ticks as long as its own, previews that are needed."""
 
 import math
+from random import Random
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from rabbit_common.message_checks import Refused
+from rabbit_description.state import StonePreview
 from rabbit_msgs.msg import Episode, RobotState
-from rl_cbf_clf_controller.ros.tick_intake import TickIntake
+from rl_cbf_clf_controller.ros.tick_intake import NEWEST, PreviewBuffer, TickIntake
 
 STATE = {"q": np.zeros(7), "dq": np.zeros(7), "applied": np.zeros(4), "contact": [True, False]}
 
@@ -50,3 +54,55 @@ def test_one_late_announcement_at_a_time_changes_nothing() -> None:
         with pytest.raises(Refused, match="late"):
             intake.announce(announced(2))
     assert intake.turn == (3, 3)
+
+
+PRESENT = 7
+
+
+def stone(index: int) -> StonePreview:
+    """One of a course."""
+    return StonePreview(index=index, l_min=0.3, l_max=0.4)
+
+
+def test_the_next_episodes_first_stone_is_kept_after_a_whole_course() -> None:
+    previews = PreviewBuffer()
+    for index in range(1, 31):
+        previews.add(PRESENT, stone(index), index, PRESENT)
+    previews.add(PRESENT + 1, stone(1), 31, PRESENT)
+    assert previews.get(PRESENT + 1, 1, 30, 31) == stone(1)
+    assert previews.get(PRESENT, 30, 29, 30) == stone(30)
+
+
+def test_a_copy_of_another_stones_preview_is_not_taken_for_the_own_one() -> None:
+    """A stranger repeats the preview of stone 1, stamped 10, as that of stone 2, and as the next episode's stone 1."""
+    copy, own, next_own = StonePreview(2, 0.2, 0.25), StonePreview(2, 0.35, 0.4), StonePreview(1, 0.3, 0.35)
+    previews = PreviewBuffer()
+    previews.add(PRESENT, stone(1), 10, PRESENT)
+    assert previews.get(PRESENT, 1, 0, 10) == stone(1)
+    previews.add(PRESENT, copy, 10, PRESENT)
+    previews.add(PRESENT + 1, StonePreview(1, 0.2, 0.25), 10, PRESENT)
+    assert previews.get(PRESENT, 2, 49, 50) is None  # the own one is still on its way
+    previews.add(PRESENT, own, 50, PRESENT)
+    assert previews.get(PRESENT, 2, 49, 50) == own
+    previews.add(PRESENT, copy, 51, PRESENT)
+    assert previews.get(PRESENT, 2, 50, 51) == own  # as before
+    previews.add(PRESENT + 1, next_own, 90, PRESENT)
+    assert previews.get(PRESENT + 1, 1, 90, 90) == next_own
+
+
+@settings(deadline=None)
+@given(
+    st.lists(st.tuples(st.integers(PRESENT + 2, 2**32 - 1), st.integers(1, 500)), max_size=60),
+    st.integers(1, NEWEST),
+    st.randoms(use_true_random=False),
+)
+def test_false_episodes_do_not_crowd_out_the_present_one(
+    others: list[tuple[int, int]], count: int, rng: Random
+) -> None:
+    wanted = [(PRESENT, index) for index in range(1, count + 1)] + [(PRESENT + 1, 1)]
+    told = [*others, *wanted]
+    rng.shuffle(told)
+    previews = PreviewBuffer()
+    for episode, index in told:
+        previews.add(episode, stone(index), 0, PRESENT)
+    assert all(previews.get(*each, 0, 0) == stone(each[1]) for each in wanted)

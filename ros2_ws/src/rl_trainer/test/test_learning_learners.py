@@ -1,8 +1,7 @@
-"""The learners find errors that are known in closed form, from measured transitions alone."""
+"""The learners find errors that are known in closed form, from measured transitions alone; from a policy on."""
 
 import copy
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,8 +9,9 @@ import pytest
 import torch
 from rl_cbf_clf_controller.policy import ActorPolicy
 from rl_cbf_clf_controller.problem import Problem
-from rl_cbf_clf_controller.uncertainty import IO_RL_CLF_QP, RL_CBF_CLF_QP, RL_CLF_QP
-from rl_trainer import paper_ddpg
+from rl_cbf_clf_controller.uncertainty import IO_RL_CLF_QP, PAPER, RL_CBF_CLF_QP, RL_CLF_QP
+from rl_cbf_clf_controller.weights import PROBE, PolicyFile
+from rl_trainer import training
 from rl_trainer.ddpg import Ddpg
 from rl_trainer.paper_ddpg import PaperDdpg
 from rl_trainer.parameters import TrainingParameters, paper_literal
@@ -57,27 +57,6 @@ def test_closed_form_errors_are_recovered(
         size.append(alpha @ fresh.mu + beta)
     share = np.square(wrong).mean(axis=0) / np.square(size).mean(axis=0)
     assert share.max() < 0.05, share
-
-
-def test_value_of_a_constant_reward(random_transition: MakeTransition, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With reward -1 everywhere the critic's value tends to -1 / (1 - discount), and to -1 where the pose fails."""
-    monkeypatch.setattr(paper_ddpg, "DISCOUNT", 0.5)
-    problem = replace(RL_CLF_QP, name="unit", error_scale=(0.1,))  # times `TYPICAL_LGV`
-    rates = {"polyak": 0.05, "critic_rate": 3e-3, "actor_rate": 1e-9}
-    parameters = paper_literal(problem, hidden1=32, hidden2=24, **rates)
-    rng = np.random.default_rng(2)
-    unit_error = {"measured": np.array([1.0]), "nominal": np.zeros(1)}
-    going, failed = (
-        as_batch([random_transition(problem, rng, failed=f, **unit_error) for _ in range(64)], parameters)
-        for f in (False, True)
-    )
-    failed.penalty.zero_()
-    for batch, value in ((going, -2.0), (failed, -1.0)):
-        torch.manual_seed(0)
-        learner = PaperDdpg(parameters)
-        for _ in range(600):
-            learner.update(batch, 1.0)
-        assert learner.next_value(batch).mean().item() == pytest.approx(value, abs=0.1)
 
 
 @pytest.mark.parametrize("kind", [Ddpg, PaperDdpg])
@@ -150,3 +129,42 @@ def test_the_same_seed_gives_the_same_weights(random_transition: MakeTransition)
     assert versions[0] == versions[1]
     other = trained(TrainingParameters(hidden1=16, hidden2=12, seed=2), random_transition, 20)
     assert other.policy_file().version != versions[0]
+
+
+TINY = {"hidden1": 12, "hidden2": 9}
+
+
+def policy(parameters: TrainingParameters) -> PolicyFile:
+    """Random weights."""
+    trainer = Trainer(parameters)
+    torch.manual_seed(3)
+    for weight in trainer.learner.acting.parameters():
+        torch.nn.init.normal_(weight, std=0.3)
+    return trainer.policy_file()
+
+
+@pytest.mark.parametrize("problem", PAPER)
+@pytest.mark.parametrize("learner", ["ddpg", "paper_ddpg", "regression"])
+def test_it_begins_with_the_policys_weights(problem: Problem, learner: str) -> None:
+    parameters = TrainingParameters(problem=problem, learner=learner, **TINY)
+    given, trainer = policy(parameters), Trainer(parameters)
+    trainer.start_from(given)
+    mine = trainer.policy_file()
+    for name, array in given.arrays.items():
+        np.testing.assert_allclose(mine.arrays[name], array, atol=1e-6 if name == PROBE else 0)
+
+
+def test_the_policy_stays_until_the_critic_has_learned(
+    monkeypatch: pytest.MonkeyPatch, random_transition: Callable[..., Transition]
+) -> None:
+    monkeypatch.setattr(training, "CRITIC_FIRST", 6)
+    parameters, rng = TrainingParameters(batch=8, **TINY), np.random.default_rng(0)
+    given, trainer = policy(parameters), Trainer(parameters)
+    trainer.start_from(given)
+    for _ in range(20):
+        trainer.replay.add(random_transition(parameters.problem, rng))
+    same = []
+    for _ in range(9):
+        trainer.learn(1)
+        same.append(np.array_equal(trainer.policy_file().arrays["0.weight"], given.arrays["0.weight"]))
+    assert same == [True] * 6 + [False] * 3

@@ -1,8 +1,5 @@
 """A trainer that is killed at any moment goes on with every transition that it told."""
 
-import multiprocessing
-import resource
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +16,6 @@ from rl_trainer.transitions import Transition
 PARAMETERS = TrainingParameters(
     problem=RL_CLF_QP, batch=8, updates_least=2, hidden1=6, hidden2=5, capacity=500, every_tick=True
 )
-FORK = multiprocessing.get_context("fork")
 FIELDS = ("observation", "LgV", "mu", "mu_qp", "alpha", "beta", "nominal", "measured", "next_observation", "next_mu")
 
 
@@ -91,30 +87,3 @@ def test_a_kill_between_checkpoint_and_journal_doubles_nothing(
     again = begun(tmp_path, Told())
     assert again.trainer.taken == len(told.transitions)
     assert not journal_path(tmp_path, 0).exists()
-
-
-def take_until_full(folder: Path, transition: Transition, result: Any) -> None:
-    """Files may not grow: the error is told once, and nothing is raised."""
-    told = Told()
-    learning = begun(folder, told)
-    learning._keep(learning.trainer.take(transition), None)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
-    for tick in (9, 10):
-        learning._keep(learning.trainer.take(replace(transition, tick=tick)), None)
-    learning.end(None, 1)
-    learning._queue.get()()
-    told_ticks = [each.tick for each in told.transitions]
-    is_right = "not kept any more" in learning.disk_error and told_ticks == [transition.tick]
-    result.value = int(is_right) + 2 * learning.trainer.taken
-
-
-def test_a_full_disk_stops_the_keeping_not_the_learning(tmp_path: Path, toy_world: Any, toy_controller: Any) -> None:
-    told = Told()
-    walk(begun(tmp_path / "other", told), toy_world, toy_controller, 1, ends=False)
-    result = FORK.Value("q", -1, lock=False)
-    process = FORK.Process(target=take_until_full, args=(tmp_path / "full", told.transitions[0], result))
-    process.start()
-    process.join(60)
-    assert (process.exitcode, result.value) == (0, 1 + 2 * 3)
-    held = read_journal(journal_path(tmp_path / "full", 0), PARAMETERS)
-    assert [each.tick for each in held] == [told.transitions[0].tick]

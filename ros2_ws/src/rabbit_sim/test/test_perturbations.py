@@ -1,0 +1,207 @@
+"""Perturbations of structure and wind against what their formulas say."""
+
+from math import exp, pi, radians, sqrt, tan
+
+import numpy as np
+import pytest
+from rabbit_description.gait import load_gait
+from rabbit_description.state import TICK_SECONDS, RobotState
+from rabbit_sim.actuation import Actuation
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.perturbation import Memory
+from rabbit_sim.perturbations.encoders import EncoderDrift, EncoderGain, StuckEncoders
+from rabbit_sim.perturbations.ground import TippingStones
+from rabbit_sim.perturbations.joints import (
+    DAHL_STIFFNESS,
+    ECCENTRIC_PERIODS,
+    Cogging,
+    CoupledJoints,
+    EccentricGears,
+    FadingMotors,
+    Hysteresis,
+    SharedSupply,
+)
+from rabbit_sim.perturbations.sensors import SensorDropout, SensorJitter
+from rabbit_sim.perturbations.wind import Wind
+from rabbit_sim.plant import SUBSTEP_SECONDS, SUBSTEPS, PlantReading
+from rabbit_sim.simulation import Simulation
+from sensing import begun, state_of
+
+
+def measured(value: float) -> RobotState:
+    return state_of(np.full(7, value), np.full(7, value), np.zeros((2, 2)))
+
+
+def reading(q: float = 0.0, path: np.ndarray | None = None) -> PlantReading:
+    state, feet = np.full(7, q), np.zeros((2, 2))
+    return PlantReading(state, state, feet, feet, np.zeros(2, dtype=bool), (), path)
+
+
+def test_second_order_motors_overshoot_as_their_damping_says() -> None:
+    """A step's largest value is 1 + exp(-pi z / sqrt(1 - z^2)), after half a damped period."""
+    frequency, z = 10.0, 0.3
+    motors = Actuation(SimulationParameters(motor_frequency=frequency, motor_damping=z))
+    torque = np.concatenate([motors.advance(np.full(4, 100.0)) for _ in range(60)])[:, 0]
+    assert torque.max() == pytest.approx(100 * (1 + exp(-pi * z / sqrt(1 - z**2))), rel=1e-3)
+    peak = (torque.argmax() + 0.5) * SUBSTEP_SECONDS
+    assert peak == pytest.approx(1 / (2 * frequency * sqrt(1 - z**2)), abs=1.5e-3)
+    assert torque[-1] == pytest.approx(100, rel=1e-3)
+
+
+def test_a_dead_zone_gives_nothing_within_and_lacks_it_beyond() -> None:
+    motors = Actuation(SimulationParameters(dead_zone=5.0))
+    assert motors.advance(np.array([3.0, -5.0, 8.0, -20.0]))[0].tolist() == [0.0, 0.0, 3.0, -15.0]
+
+
+def test_dahl_friction_saturates_and_takes_energy_in_each_cycle() -> None:
+    """Far in one direction it is F; at first it grows with the stiffness; a closed path of the joint costs work."""
+    friction, none, memory = Hysteresis(hysteresis=10.0), np.zeros(4), Memory()
+    friction.begin(memory)
+    rate = np.full(4, 1e-3)
+    small = -friction.transmitted(memory, none, none, rate)
+    assert small == pytest.approx(DAHL_STIFFNESS * SUBSTEP_SECONDS * rate, rel=1e-3)
+    for _ in range(500):
+        largest = -friction.transmitted(memory, none, none, np.ones(4))
+    assert largest == pytest.approx(np.full(4, 10.0))
+    work = 0.0
+    for substep in range(1000):
+        rate = np.full(4, np.sin(2 * pi * substep / 1000))
+        work += float(-friction.transmitted(memory, none, none, rate)[0] * rate[0]) * SUBSTEP_SECONDS
+    assert work > 0
+
+
+def test_a_stone_tips_by_the_distance_from_its_middle() -> None:
+    stones = TippingStones(stone_tilt=20.0)
+    assert stones.drop(3, -0.02) == stones.drop(1, 0.02) == pytest.approx(0.02 * tan(radians(20)))
+    assert stones.drop(1, 0.0) == 0.0
+
+
+def test_lost_measurements_are_the_last_that_came() -> None:
+    measure = begun(SensorDropout, SimulationParameters(sensor_dropout=0.3), 1)
+    seen = [measure(measured(float(tick)), reading()).q[0] for tick in range(4000)]
+    lost = [now != tick for tick, now in enumerate(seen)]
+    assert all(now == seen[tick - 1] for tick, now in enumerate(seen) if lost[tick])
+    assert np.mean(lost) == pytest.approx(0.3, abs=0.03)  # four standard deviations
+
+
+def test_one_encoder_sticks_with_no_rate() -> None:
+    measure = begun(StuckEncoders, SimulationParameters(stuck_seconds=0.05), 2)
+    stuck = 0
+    for tick in range(3000):
+        angles, rates = measure(measured(1.0 + tick), reading()).joints
+        wrong = np.flatnonzero(rates != 1.0 + tick)
+        assert len(wrong) <= 1
+        assert not rates[wrong].any()
+        assert (angles[wrong] <= 1.0 + tick).all()
+        stuck += len(wrong)
+    assert stuck / 3000 == pytest.approx(0.05 / 1.05, rel=0.5)
+
+
+def test_a_drift_is_its_rate_times_the_time() -> None:
+    measure = begun(EncoderDrift, SimulationParameters(encoder_drift=0.01), 3)
+    for _ in range(101):
+        now = measure(measured(0.0), reading())
+    assert now.q[3:] == pytest.approx(now.dq[3:] * 1.0)
+    assert not now.q[:3].any()
+    assert now.dq[3:].all()
+
+
+def test_late_measurements_are_of_the_past_at_most_so_old() -> None:
+    measure = begun(SensorJitter, SimulationParameters(sensor_jitter=0.015), 5)
+    ages = []
+    for tick in range(2000):
+        path = np.arange(10 * tick + 1, 10 * tick + 11)[:, None] * np.ones(14)
+        ages.append(10 * tick + 10 - measure(measured(0.0), reading(path=path)).q[0])
+    assert {*ages[3:]} == {float(age) for age in range(16)}
+
+
+def test_a_fading_motor_brakes_with_all_its_torque_and_drives_with_less() -> None:
+    """At half the no-load speed half the stall torque is left along the motion; at rest all of it."""
+    motors, asked = FadingMotors(no_load_speed=10.0), np.array([150.0, -150.0, 150.0, 150.0])
+    rates = np.array([5.0, 5.0, 0.0, 12.0])
+    assert motors.transmitted(Memory(), asked, np.zeros(4), rates).tolist() == [100.0, -150.0, 150.0, 0.0]
+
+
+def test_cogging_does_no_work_over_a_turn() -> None:
+    motors, angles = Cogging(cogging=7.0), np.arange(0, 2 * pi, 1e-3)
+    torques = [motors.transmitted(Memory(), np.zeros(4), np.full(4, each), np.ones(4))[0] for each in angles]
+    assert np.trapezoid(torques, angles) == pytest.approx(0, abs=1e-3)
+    assert np.max(np.abs(torques)) == pytest.approx(7, rel=1e-3)
+
+
+def test_a_coupled_hip_pulls_at_its_own_knee() -> None:
+    legs, torque = CoupledJoints(joint_coupling=0.25), np.array([40.0, 1.0, -8.0, 2.0])
+    assert legs.transmitted(Memory(), torque, np.zeros(4), np.zeros(4)).tolist() == [40.0, 11.0, -8.0, 0.0]
+    assert torque.tolist() == [40.0, 1.0, -8.0, 2.0]
+
+
+def test_an_eccentric_gear_gives_the_torque_itself_in_the_mean_of_its_turn() -> None:
+    legs, angles = EccentricGears(gear_eccentricity=0.5), np.arange(0, 2 * pi, 1e-3)
+    given = [legs.transmitted(Memory(), np.full(4, 10.0), np.full(4, each), np.ones(4))[0] for each in angles]
+    assert np.mean(given) == pytest.approx(10, rel=1e-3)
+    assert (np.min(given), np.max(given)) == (pytest.approx(5, rel=1e-3), pytest.approx(15, rel=1e-3))
+    assert np.sum(np.diff(np.array(given) > 10)) == 2 * ECCENTRIC_PERIODS
+
+
+def test_motors_on_one_battery_drive_with_its_power_and_brake_with_all_their_torque() -> None:
+    motors, torque = SharedSupply(supply_power=300.0), np.array([100.0, -50.0, 80.0, 20.0])
+    rates = np.array([4.0, -4.0, -2.0, 0.0])
+    given = motors.transmitted(Memory(), torque, np.zeros(4), rates)
+    assert (given * rates).clip(0).sum() == pytest.approx(300)
+    assert given == pytest.approx([50.0, -25.0, 80.0, 20.0])
+    assert motors.transmitted(Memory(), torque / 3, np.zeros(4), rates).tolist() == (torque / 3).tolist()
+
+
+def test_motors_with_steps_give_the_nearest() -> None:
+    motors = Actuation(SimulationParameters(torque_step=30.0), SimulationParameters())
+    steps, any_torque = motors.advance(np.tile([14.0, 16.0, -44.0, -46.0], (2, 1)))
+    assert steps[0].tolist() == [0.0, 30.0, -30.0, -60.0]
+    assert any_torque[0].tolist() == [14.0, 16.0, -44.0, -46.0]
+
+
+def test_an_encoder_with_a_gain_measures_the_rate_of_its_own_angle() -> None:
+    measure = begun(EncoderGain, SimulationParameters(encoder_gain_spread=0.1), 3)
+    first, second = (measure(measured(value), reading()) for value in (1.0, 2.0))
+    assert second.q[3:] == pytest.approx(2 * first.q[3:])
+    assert first.q[3:] == pytest.approx(first.dq[3:])
+    assert len(set(first.q[3:])) == 4
+    assert first.q[:3].tolist() == [1.0] * 3
+
+
+GAIT = load_gait("authors_035")
+
+
+def forces(seed, ticks, **changes):
+    """In each tick, N, each held over its substeps."""
+    wind, memory = Wind(**changes), Memory(rng=np.random.default_rng(seed), parameters=SimulationParameters())
+    wind.begin(memory)
+    found = np.array([wind.force(memory, tick) for tick in range(ticks)])
+    assert found.shape == (ticks, SUBSTEPS)
+    assert (found == found[:, :1]).all()
+    return found[:, 0]
+
+
+@pytest.mark.parametrize("plant", ["pybullet", "mujoco"])
+@pytest.mark.parametrize("wind", [40.0, -15.0])
+def test_wind_gives_a_falling_robot_its_impulse(plant, wind, truth, random_state):
+    """Momentum is force times time along the ground; nothing else acts there."""
+    parameters = SimulationParameters(plant=plant, wind=wind, stop_at_miss=False, fall_height=0, fall_pitch=3.0)
+    robot, simulation = truth(), Simulation(parameters, GAIT)
+    simulation.reset(1)
+    q, _ = random_state(4)
+    simulation.plant.reset(q, np.zeros(7), 0)
+    for _ in range(5):
+        simulation.step(np.zeros(4))
+    after = simulation.reading
+    assert robot.momentum(after.q, after.dq)[0] == pytest.approx(wind * 5 * TICK_SECONDS, rel=2e-3)
+    simulation.close()
+
+
+def test_gusts_have_their_spread_and_their_time_constant():
+    """Mean, standard deviation and the correlation exp(-t / T) of a Gauss-Markov process from its first tick on."""
+    many = np.array([forces(seed, 60, wind=20.0, gusts=8.0, gust_seconds=0.2) for seed in range(800)])
+    np.testing.assert_allclose(many.mean(axis=0), 20.0, atol=5 * 8 / np.sqrt(800))
+    np.testing.assert_allclose(many.std(axis=0), 8.0, rtol=0.13)
+    for lag in (1, 20, 50):
+        correlation = np.corrcoef(many[:, 5], many[:, 5 + lag])[0, 1]
+        assert correlation == pytest.approx(np.exp(-lag * TICK_SECONDS / 0.2), abs=0.15)
