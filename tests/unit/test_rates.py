@@ -9,7 +9,7 @@ from rabbit_common.ros.conversions import header
 from rabbit_description.gait import load_gaits
 from rabbit_description.state import RobotState
 from rabbit_estimator.parameters import EstimatorParameters
-from rabbit_experiments.assembly import Assembly, AssemblyError
+from rabbit_experiments.assembly import Assembly
 from rabbit_sim.actuation import Actuation
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.perturbation import Memory
@@ -33,11 +33,6 @@ def state(q: Any, dq: Any) -> RobotState:
 def test_what_is_no_tick_is_refused_at_the_door(model: Any, wrong: float, words: str) -> None:
     with pytest.raises(ValidationError, match=words):
         model(tick_seconds=wrong)
-
-
-def test_controller_and_plant_have_one_tick() -> None:
-    with pytest.raises(AssemblyError, match=r"0\.01 of the plant: expected the controller's, 0\.005"):
-        Assembly(SimulationParameters(), FAST, "zero")
 
 
 def test_a_policy_of_another_rate_is_refused() -> None:
