@@ -36,11 +36,6 @@ def walk_on(controller: str) -> WalkRecords:
     return record_walk(Assembly(plant, parameters, "zero"), seed=1)
 
 
-@pytest.fixture(scope="module")
-def walk() -> WalkRecords:
-    return walk_on("cbf-clf-qp")
-
-
 @pytest.mark.parametrize(("controller", "count"), [("cbf-clf-qp", 7), ("clf-qp", 6)])
 def test_every_picture_opens(controller: str, count: int, tmp_path: Path) -> None:
     save_records(walk_on(controller), tmp_path / RECORDS)
@@ -50,7 +45,7 @@ def test_every_picture_opens(controller: str, count: int, tmp_path: Path) -> Non
         assert imageio.imread(picture).std() > 1  # not blank
 
 
-def test_a_slope_is_drawn_as_steep_as_it_is(walk: WalkRecords) -> None:
+def test_a_slope_is_drawn_as_steep_as_it_is() -> None:
     """On flat ground the stance foot's ground is a level line; on a slope of 20 degrees it rises by their tangent."""
     flat = walk_on("clf-qp")
     tops = []
