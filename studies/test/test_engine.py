@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rabbit_experiments import engine
+from rabbit_experiments import engine, interrupts
 from rabbit_experiments.cache import Cache, JobError
 from rabbit_experiments.evaluation import Walk
 from rabbit_reproduce.controllers import CBF_CLF
@@ -30,7 +30,7 @@ def test_a_job_without_a_result_leaves_the_others(tmp_path: Path, monkeypatch: p
     assert [Cache(tmp_path).get(job) is None for job in WANTED] == [True, False, False, False]
 
 
-@pytest.mark.parametrize("number", engine.ENDING)
+@pytest.mark.parametrize("number", interrupts.ENDING)
 def test_a_signal_while_workers_start_is_heard_afterwards(number: int) -> None:
     """Also where another thread catches it, as that of the progress bar may."""
     said: list[str] = []
@@ -39,7 +39,7 @@ def test_a_signal_while_workers_start_is_heard_afterwards(number: int) -> None:
     other = threading.Thread(target=over.wait)
     other.start()
     try:
-        with engine._interrupts_held():
+        with interrupts.interrupts_held():
             os.kill(os.getpid(), number)
             time.sleep(0.05)
             said.append("workers have started")
