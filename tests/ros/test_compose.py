@@ -30,7 +30,8 @@ class Services:
         for word, other in {**CHANGED, MEMORY: str(folder / "memory")}.items():
             assert word in text
             text = text.replace(word, other)
-        self._commands = {name: service["command"] for name, service in yaml.safe_load(text)["services"].items()}
+        walking = {name: of for name, of in yaml.safe_load(text)["services"].items() if "profiles" not in of}
+        self._commands = {name: service["command"] for name, service in walking.items()}
         self._commands["simulator"] += f" -p stones:=3 -p episodes:={episodes}"
         del self._commands["ground"]
         self._running: dict[str, subprocess.Popen[bytes]] = {}

@@ -79,7 +79,7 @@ class Workers:
             raise JobError("the scheduler ended; the same command goes on when there is one")
         if monotonic() - self._looked < LOOK:
             return
-        known = self._client.scheduler_info()["workers"]
+        known = self._client.scheduler_info().get("workers", {})  # none while there is no scheduler
         self._looked, self._addresses = monotonic(), {worker["id"]: address for address, worker in known.items()}
         for worker, address in self._addresses.items():
             if (threads := known[address]["nthreads"]) != 1:
@@ -102,7 +102,7 @@ class Workers:
         return [worker for worker in able if load[worker] < most][: len(self._waiting)]
 
     def _result(self, future: "Future[Results]", worker: str, batch: Batch) -> Results:
-        if future.status == "cancelled":  # with the scheduler
+        if future.status == "cancelled":  # the scheduler is gone
             self._waiting.appendleft(batch)
             return []
         try:
