@@ -310,6 +310,16 @@ def test_only_who_has_a_certificate_reaches_a_scheduler_with_tls(
     started.worker()
     with pytest.raises(JobError, match="TLS"):
         engine.run(jobs, cache, started.address)
+    own = tmp_path / "own"
+    own.mkdir()
+    subprocess.run(["bash", "-ec", make], cwd=own, check=True, capture_output=True)
+    stranger = distributed.Security(
+        tls_ca_file=str(tmp_path / "cert.pem"),
+        tls_client_cert=str(own / "cert.pem"),
+        tls_client_key=str(own / "key.pem"),
+    )
+    with pytest.raises(OSError, match="TLS"):
+        distributed.Client(started.address, security=stranger, timeout=5, set_as_default=False)
     settings = {name.removeprefix("DASK_").replace("__", ".").lower(): os.environ[name] for name, _ in names}
     with dask.config.set(settings):
         engine.run(jobs, cache, started.address)
