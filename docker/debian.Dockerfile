@@ -17,7 +17,7 @@ COPY Makefile ./
 COPY requirements requirements
 COPY ros2_ws/stand_ins ros2_ws/stand_ins
 COPY scripts/checks.py scripts/common.py scripts/mend_ros_wheels.py scripts/pip_install.py scripts/set_up.py scripts/
-RUN make setup
+RUN make setup && .venv/bin/pip install --no-deps --require-hashes -r requirements/cluster.txt
 
 FROM environment AS built
 COPY . .

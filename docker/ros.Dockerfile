@@ -20,7 +20,7 @@ WORKDIR /opt/rabbit
 COPY Makefile ./
 COPY requirements requirements
 COPY scripts/checks.py scripts/common.py scripts/mend_ros_wheels.py scripts/pip_install.py scripts/set_up.py scripts/
-RUN make setup PYTHON=/usr/bin/python3
+RUN make setup PYTHON=/usr/bin/python3 && .venv/bin/pip install --no-deps --require-hashes -r requirements/cluster.txt
 COPY . .
 RUN make build && .venv/bin/python -m compileall -q ros2_ws/src
 USER rabbit

@@ -1,9 +1,10 @@
 """`make lock`: write the hashed locks in requirements/ from the `.in` files, for Python 3.11 and 3.12. Needs `uv`.
 
-The product needs python.txt; studies.txt and tests.txt have the rest. torch has locks of its own, installed
-after the others: the CPU build, which PyPI does not list, in torch_cpu.txt (by hand), tried first; PyPI's build in
-torch.txt; and what that one needs of CUDA in torch_cuda.txt. npm/package-lock.json (`npm install --package-lock-only`
-there) and daqp_source.txt of cbf_clf_qp (by hand) have the rest of what the page in the browser is built of.
+The product needs python.txt; cluster.txt, studies.txt and tests.txt have the rest. torch has locks of its own,
+installed after the others: the CPU build, which PyPI does not list, in torch_cpu.txt (by hand), tried first; PyPI's
+build in torch.txt; and what that one needs of CUDA in torch_cuda.txt. npm/package-lock.json (`npm install
+--package-lock-only` there) and daqp_source.txt of cbf_clf_qp (by hand) have the rest of what the page in the browser
+is built of.
 """
 
 import re
@@ -43,8 +44,9 @@ def main() -> None:
     """Lock everything, in the order in which one lock binds the next."""
     write("build.txt", compile_lock("build.in"))
     write("python.txt", added("python.in"))
-    write("studies.txt", added("studies.in", "python.txt"))
-    write("tests.txt", added("tests.in", "python.txt", "studies.txt"))
+    write("cluster.txt", added("cluster.in", "python.txt"))
+    write("studies.txt", added("studies.in", "python.txt", "cluster.txt"))
+    write("tests.txt", added("tests.in", "python.txt", "cluster.txt", "studies.txt"))
     write("ros.txt", compile_lock("ros.in", "build.txt", "python.txt"))
     write("docs.txt", compile_lock("docs.in", "build.txt", "python.txt"))
     write("browser.txt", compile_lock("browser.in", "build.txt", "python.txt"))

@@ -103,7 +103,7 @@ def install_torch() -> None:
 
 def install_studies() -> None:
     """What the studies import besides, and the studies and qa themselves as links: their commands are `rabbit`'s."""
-    pip_install("studies.txt")
+    pip_install("cluster.txt", "studies.txt")
     command = [str(PYTHON), "-I", "-m", "pip", "install", "--no-deps", "--no-build-isolation", "--quiet"]
     if logged([*command, "-e", str(ROOT / "studies"), "-e", str(ROOT / "qa")], STATE / "pip-links.log"):
         raise SetUpError("pip cannot link studies and qa (log: .setup/pip-links.log)")
@@ -143,7 +143,7 @@ def build_stand_ins() -> None:
 def steps(extent: str) -> list[Step]:
     """The steps in their order, as far as `extent`, which is `ros`, empty, `studies` or `tests`."""
     locks = [REQUIREMENTS / f"{name}.txt" for name in ("build", "python", "ros", "torch_cpu", "torch", "torch_cuda")]
-    links = ROOT / "studies/pyproject.toml", ROOT / "qa/pyproject.toml"
+    added = ROOT / "studies/pyproject.toml", ROOT / "qa/pyproject.toml", REQUIREMENTS / "cluster.txt"
     stand_ins = tuple(path for package in STAND_INS for path in package.rglob("*") if path.is_file())
     walking = [
         Step("venv", "an environment in .venv", (), make_venv),
@@ -160,7 +160,7 @@ def steps(extent: str) -> list[Step]:
     ]
     if extent == "ros":
         return walking[:-1]
-    studies = [Step("studies", "the studies", (REQUIREMENTS / "studies.txt", *links), install_studies)]
+    studies = [Step("studies", "the studies", (REQUIREMENTS / "studies.txt", *added), install_studies)]
     tests = [Step("tests", "what tests and checks", (REQUIREMENTS / "tests.txt",), install_tests)]
     return walking + (studies if extent else []) + (tests if extent == "tests" else [])
 

@@ -22,7 +22,7 @@ def make(
     size: Size,
     out: Path,
     names: Sequence[str],
-    jobs: int = 1,
+    processes: int | str = 1,
 ) -> tuple[Path, int]:
     """Run what the cache in `out` lacks, then write; the page begins with those of `names` that `out` holds.
 
@@ -33,7 +33,7 @@ def make(
     """
     cache = Cache(out / "cache")
     try:
-        done = run([job for each in experiments for job in each.jobs(size)], cache, jobs)
+        done = run([job for each in experiments for job in each.jobs(size)], cache, processes)
     except KeyboardInterrupt:
         _write([each for each in experiments if all(cache.get(job) for job in each.jobs(size))], cache, size, out)
         write_page(out, names)

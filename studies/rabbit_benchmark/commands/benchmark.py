@@ -1,6 +1,5 @@
 """Methods by plants under one protocol."""
 
-import os
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
@@ -12,7 +11,7 @@ from rabbit_common.own_folder import own_folder
 from rabbit_description.state import TICK_SECONDS
 from rabbit_description.tick import ABOUT_TICK
 from rabbit_description.validation import one_of
-from rabbit_experiments.conditions import ABOUT_BATCH, BATCH
+from rabbit_experiments.conditions import ABOUT_BATCH, BATCH, Cluster, Jobs, who_runs
 from rabbit_sim.parameters import SimulationParameters
 
 app = typer.Typer(add_completion=False)
@@ -43,7 +42,8 @@ def benchmark(
     plant: Annotated[Literal["pybullet", "mujoco"], typer.Option(help="physics engine")] = "pybullet",
     tick_seconds: Annotated[float, typer.Option(help=ABOUT_TICK)] = TICK_SECONDS,
     batch: Annotated[int, typer.Option(min=1, max=4096, help=ABOUT_BATCH)] = BATCH,
-    jobs: Annotated[int | None, typer.Option(min=1, max=4096, help="processes (default: all cores)")] = None,
+    jobs: Jobs = None,
+    cluster: Cluster = None,
     show: Annotated[bool, typer.Option("--list", help="list methods and cells, and do nothing more")] = False,
 ) -> None:
     """Walk methods on plants: DIR/benchmark.md has the map, intervals and a paired comparison. Without any option: what
@@ -62,7 +62,7 @@ def benchmark(
         wanted = chosen([name for name in cells.split(",") if name])
     with complaints():
         tick_seconds = SimulationParameters(tick_seconds=tick_seconds).tick_seconds
-    processes = jobs or os.cpu_count() or 1
+    processes = who_runs(jobs, cluster)
     if show or is_bare(context):
         for each in entered:
             print(f"{each.name:16s} {each.title}")

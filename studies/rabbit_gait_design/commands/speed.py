@@ -1,6 +1,5 @@
 """How the speed follows from step to step: learned from walks with random changes of the slope."""
 
-import os
 from pathlib import Path
 from typing import Annotated
 
@@ -8,6 +7,7 @@ import typer
 from rabbit_common.exit_codes import of_interrupt
 from rabbit_common.options import complaints, fail, tell_if_bare
 from rabbit_common.own_folder import own_folder
+from rabbit_experiments.conditions import Cluster, Jobs, who_runs
 
 app = typer.Typer(add_completion=False)
 FIT_SEED, JUDGE_SEED = 62001, 62003  # of plants and courses; the benchmark has others
@@ -22,7 +22,8 @@ def speed(
     plants: Annotated[int, typer.Option(min=5, max=100_000, help="plants of the storm to fit on, 4 walks each")] = 40,
     others: Annotated[int, typer.Option(min=5, max=100_000, help="other plants, to judge on")] = 20,
     out: Annotated[Path, typer.Option(help="folder of the results; what was stopped goes on")] = Path("runs/speed"),
-    jobs: Annotated[int | None, typer.Option(min=1, max=4096, help="processes (default: all cores)")] = None,
+    jobs: Jobs = None,
+    cluster: Cluster = None,
 ) -> None:
     """Learn the coefficients of `speed_regulation`; print them with their intervals and the errors on other plants."""
     from itertools import chain
@@ -36,7 +37,7 @@ def speed(
     from rabbit_gait_design.speed_model.fit import NAMES, SpeedModelError, errors, fitted
     from rabbit_gait_design.speed_model.walks import exploring_walks, gathered
 
-    processes = jobs or os.cpu_count() or 1
+    processes = who_runs(jobs, cluster)
     tell_if_bare(
         context,
         f"Walks 4 times on each of {plants + others} plants, 40 steps a walk: "

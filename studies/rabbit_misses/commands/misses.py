@@ -1,6 +1,5 @@
 """How probable it is that a step misses its stone: fitted on some plants, judged on others."""
 
-import os
 from pathlib import Path
 from typing import Annotated
 
@@ -8,6 +7,7 @@ import typer
 from rabbit_common.exit_codes import of_interrupt
 from rabbit_common.options import complaints, fail, tell_if_bare
 from rabbit_common.own_folder import own_folder
+from rabbit_experiments.conditions import Cluster, Jobs, who_runs
 
 app = typer.Typer(add_completion=False)
 
@@ -22,7 +22,8 @@ def misses(
     fit_plants: Annotated[int, typer.Option(min=10, max=100_000, help="plants of the storm to fit on")] = 1200,
     plants: Annotated[int, typer.Option(min=1, max=100_000, help="other plants, to judge on")] = 500,
     out: Annotated[Path, typer.Option(help="folder of the results; what was stopped goes on")] = Path("runs/misses"),
-    jobs: Annotated[int | None, typer.Option(min=1, max=4096, help="processes (default: all cores)")] = None,
+    jobs: Jobs = None,
+    cluster: Cluster = None,
 ) -> None:
     """Fit the probability of a miss to walks in the storm, judge it in others: DIR/model.json, DIR/misses.md."""
     from rabbit_experiments.cache import Cache, JobError
@@ -33,7 +34,7 @@ def misses(
     from rabbit_misses.report import write
     from rabbit_misses.study import FIT_SEED, JUDGE_SEED, gathered, judged, stormy_walks
 
-    processes = jobs or os.cpu_count() or 1
+    processes = who_runs(jobs, cluster)
     tell_if_bare(
         context,
         f"Fits to {fit_plants:,} walks and judges on {plants:,}: {about_so_long(fit_plants + plants, processes)};"

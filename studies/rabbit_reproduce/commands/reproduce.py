@@ -10,6 +10,7 @@ from rabbit_common.exit_codes import of_interrupt
 from rabbit_common.options import complaints, fail, is_bare, tell_if_bare
 from rabbit_common.own_folder import own_folder
 from rabbit_description.validation import one_of
+from rabbit_experiments.conditions import Cluster, Jobs, who_runs
 
 PlantName = Literal["pybullet", "mujoco", "rigid"]
 
@@ -25,7 +26,8 @@ def reproduce(
     quick: Annotated[bool, typer.Option("--quick", help="make few runs of everything")] = False,
     retrain: Annotated[bool, typer.Option("--retrain", help="train the policies first, into DIR/training")] = False,
     out: Annotated[Path, typer.Option(help="folder of the results; what was stopped goes on")] = Path("runs/reproduce"),
-    jobs: Annotated[int | None, typer.Option(min=1, max=4096, help="processes (default: all cores)")] = None,
+    jobs: Jobs = None,
+    cluster: Cluster = None,
     plant: Annotated[PlantName, typer.Option(help="plant on which the claims are judged")] = "pybullet",
     figure: Annotated[
         int | None, typer.Option(min=1, max=5, help="number of the paper's figure to make; Fig. 1 is a drawing")
@@ -44,7 +46,7 @@ def reproduce(
     from rabbit_reproduce.training import retrain as retrained
 
     known = {each.name: each for each in EXPERIMENTS}
-    names, processes = None if names == ["all"] else names, jobs or os.cpu_count() or 1
+    names, processes = None if names == ["all"] else names, who_runs(jobs, cluster)
     if figure:
         shown = [name for name, each in known.items() if each.label == FIGURES[figure - 1]]
         names = [
@@ -75,7 +77,9 @@ def reproduce(
         with complaints(JobError):
             if retrain:
                 wanted = dict.fromkeys(recipe for each in chosen for recipe in each.trainings(size))
-                size = replace(size, trained=retrained(list(wanted), out / "training", processes, plant))
+                size = replace(
+                    size, trained=retrained(list(wanted), out / "training", jobs or os.cpu_count() or 1, plant)
+                )
             page, done = make(chosen, size, out, list(known), processes)
     except KeyboardInterrupt as stop:
         fail("stopped; the same command goes on from the runs that are done", code=of_interrupt(stop))

@@ -1,7 +1,9 @@
 """How controllers are evaluated and policies trained, unless a command says otherwise, and what such commands ask."""
 
-from typing import Any
+import os
+from typing import Annotated, Any
 
+import typer
 from pydantic import BaseModel, ConfigDict, Field
 
 BATCH = 64  # runs of one controller in MuJoCo that a process walks at once; more gain little
@@ -11,6 +13,16 @@ TRAINING_SCALE = 2.0  # the paper's training plant: twice the mass, no motor lag
 TRAINING_PLANT: dict[str, Any] = {"mass_scale": TRAINING_SCALE, "stop_at_miss": False}  # the pose ends an episode
 POLICY = "policy.safetensors"  # in a training session's folder
 TRAINING_SLACK_WEIGHT = 3.0  # p while learning: the softer CLF keeps the first, wrong policies on their feet
+
+ABOUT_JOBS = "processes (default: all cores)"
+ABOUT_CLUSTER = "Dask's scheduler whose workers do the runs, as tls://host:8786, or local:N (default: $RABBIT_CLUSTER)"
+Jobs = Annotated[int | None, typer.Option(min=1, max=4096, help=ABOUT_JOBS)]
+Cluster = Annotated[str | None, typer.Option(help=ABOUT_CLUSTER, metavar="ADDRESS")]
+
+
+def who_runs(jobs: int | None, cluster: str | None) -> int | str:
+    """Number of processes, or a cluster's address. An option beats $RABBIT_CLUSTER."""
+    return cluster or jobs or os.environ.get("RABBIT_CLUSTER") or os.cpu_count() or 1
 
 
 class TuningOptions(BaseModel):

@@ -1,6 +1,5 @@
 """Walk many seeded runs without ROS: success, stones, forces, solver and speed."""
 
-import os
 from bisect import insort
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,15 @@ from rabbit_description.plugins import load
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
-from rabbit_experiments.conditions import ABOUT_BATCH, BATCH, EVALUATION_LAG, WalkOptions
+from rabbit_experiments.conditions import (
+    ABOUT_BATCH,
+    ABOUT_CLUSTER,
+    ABOUT_JOBS,
+    BATCH,
+    EVALUATION_LAG,
+    WalkOptions,
+    who_runs,
+)
 
 DEFAULTS = Defaults(always={"motor_lag": EVALUATION_LAG})
 
@@ -27,9 +34,8 @@ class EvaluationOptions(WalkOptions):
     out: Path | None = Field(
         None, description="folder for runs.csv, violations.csv, summary.json (default: runs/evaluate-KEY, one for each)"
     )
-    jobs: int = Field(
-        default_factory=lambda: os.cpu_count() or 1, ge=1, le=4096, description="processes (default: all cores)"
-    )
+    jobs: int | None = Field(None, ge=1, le=4096, description=ABOUT_JOBS)
+    cluster: str | None = Field(None, description=ABOUT_CLUSTER)
     batch: int = Field(BATCH, ge=1, le=4096, description=ABOUT_BATCH)
     pictures: bool = Field(False, description="draw the first run")
     overwrite: bool = Field(False, description="begin again in a folder of another evaluation")
@@ -50,7 +56,7 @@ def evaluate(given: Given) -> None:
     out = request.out or Path("runs", f"evaluate-{about['key'][:8]}")
     with complaints(ResultsError):
         folder = ResultsFolder(own_folder(out, "evaluate"), about, request.overwrite)
-    results, made = walk_all(scenario, folder, request.jobs, request.batch)
+    results, made = walk_all(scenario, folder, who_runs(request.jobs, request.cluster), request.batch)
     show(conclude(scenario, folder, results, about))
     print(f"{made} runs made; written {out}")
     if request.pictures:
@@ -104,7 +110,7 @@ def describe(assembly: Any, seed: int) -> dict[str, Any]:
     }
 
 
-def walk_all(scenario: Any, folder: Any, processes: int, batch: int) -> tuple[list[Any], int]:
+def walk_all(scenario: Any, folder: Any, processes: int | str, batch: int) -> tuple[list[Any], int]:
     """Walk the runs that the folder lacks, its tables up to date after each; all results, and how many were made."""
     from rabbit_experiments.cache import JobError
     from rabbit_experiments.engine import run

@@ -2,7 +2,6 @@
 
 import csv
 import json
-import os
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,6 +11,8 @@ from rabbit_common.exit_codes import of_interrupt
 from rabbit_common.options import complaints, fail
 from rabbit_common.own_folder import new_file, own_folder
 from rabbit_description import ABOUT_TASK
+
+from rabbit_experiments.conditions import Cluster, Jobs, who_runs
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -29,7 +30,6 @@ Rides = Annotated[
     int, typer.Option("--rides", "--runs", help="rides of each controller, the same for all", min=1, max=100_000)
 ]
 Out = Annotated[Path | None, typer.Option(help="folder of the results (default: runs/COMMAND-KEY, one for each)")]
-Jobs = Annotated[int | None, typer.Option(min=1, max=4096, help="processes (default: all cores)")]
 Pictures = Annotated[bool, typer.Option(help="record, draw and film the first ride of each controller")]
 
 
@@ -40,6 +40,7 @@ def evaluate(
     seed: Seed = 1,
     out: Out = None,
     jobs: Jobs = None,
+    cluster: Cluster = None,
     pictures: Pictures = False,
 ) -> None:
     """Ride many seeded episodes under each controller: which kept every barrier, and by how much."""
@@ -47,7 +48,7 @@ def evaluate(
 
     loaded, names = chosen(task, controller)
     asked = rides_of(task, names, rides, seed)
-    folder, rows = walked(asked, out, "evaluate", jobs)
+    folder, rows = walked(asked, out, "evaluate", who_runs(jobs, cluster))
     ridden = {name: rows[i * rides : (i + 1) * rides] for i, name in enumerate(names)}
     summary = {name: summarise(loaded, of_one) for name, of_one in ridden.items()}
     show(loaded, summary)
@@ -63,6 +64,7 @@ def benchmark(
     seed: Seed = 1,
     out: Out = None,
     jobs: Jobs = None,
+    cluster: Cluster = None,
 ) -> None:
     """Ride on many plants: each true parameter from nominal to twice as far off as it is, the others nominal; then
     all."""
@@ -75,7 +77,7 @@ def benchmark(
     if not (plants := plants_of(loaded)):
         fail(f"task {loaded.name}: expected true parameters that differ from the nominal ones")
     asked = [ride for plant in plants.values() for ride in rides_of(task, names, rides, seed, plant)]
-    folder, rows = walked(asked, out, "benchmark", jobs)
+    folder, rows = walked(asked, out, "benchmark", who_runs(jobs, cluster))
     summaries = [summarise(loaded, rows[start : start + rides]) for start in range(0, len(rows), rides)]
     kept = iter([f"{summary['kept']} {interval(summary['kept_ci95'], 2)}" for summary in summaries])
     table = [[plant, *(next(kept) for _ in names)] for plant in plants]
@@ -159,7 +161,7 @@ def chosen(task: str, controller: str) -> "tuple[ControlTask, list[str]]":
 
 
 def walked(
-    asked: "Sequence[TaskRide]", out: Path | None, command: str, jobs: int | None
+    asked: "Sequence[TaskRide]", out: Path | None, command: str, processes: int | str
 ) -> "tuple[Path, list[RideRow]]":
     """The folder, and a row for each ride; one that was stopped goes on there."""
     from rabbit_experiments.cache import Cache, JobError
@@ -171,7 +173,7 @@ def walked(
     cache = Cache(folder / "cache")
     try:
         with complaints(JobError):
-            run(asked, cache, jobs or os.cpu_count() or 1)
+            run(asked, cache, processes)
     except KeyboardInterrupt as stop:
         fail("stopped; the same command goes on from the rides that are done", code=of_interrupt(stop))
     return folder, [cache.get(ride) for ride in asked]
