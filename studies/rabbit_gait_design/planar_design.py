@@ -10,11 +10,15 @@ For RABBIT, with its stones, there is `design`, which knows more conditions.
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import count
 
+import casadi as ca
 import numpy as np
 from rabbit_description.state import Array
+from rl_cbf_clf_controller.planar_walker import StonesFile
 from rl_cbf_clf_controller.step_paths import StepPath
+from rl_cbf_clf_controller.stone_barriers import stone_barriers
 from scipy.optimize import minimize
 
 from rabbit_gait_design.hybrid_zero_dynamics import RepeatedStep, Walker, impact_invariant
@@ -36,6 +40,7 @@ class PlanarSpecification:
 
     `clear_from`: the phase from which the swing foot is above the ground; a robot without knees scuffs before.
     `clearance`: its least height midway between there and the landing. `landing_speed`: its least speed downward.
+    `stones`: the barriers of such stones hold along the gait.
     """
 
     step_length: float
@@ -47,6 +52,17 @@ class PlanarSpecification:
     min_normal_force: float = 50.0
     torque_limit: float = 150.0
     max_eigenvalue: float = 0.9
+    stones: StonesFile | None = None
+
+    @cached_property
+    def barriers(self) -> ca.Function:
+        """B and B + B' / p of both barriers, m, of the swing foot (2,) and its rate: of a stone that it lands on."""
+        foot, rate = ca.SX.sym("foot", 2), ca.SX.sym("rate", 2)
+        assert self.stones
+        half, (pole, _) = self.stones.width / 2, self.stones.poles
+        edges = self.step_length - half, self.step_length + half
+        both = ca.vertcat(*stone_barriers(foot, *edges, 0.0, self.stones.R1, self.stones.R2))
+        return ca.Function("barriers", [foot, rate], [ca.vertcat(both, both + ca.jtimes(both, foot, rate) / pole)])
 
 
 def design(
@@ -126,7 +142,10 @@ class _Programme:
         height, force = step.series("swing")[:, 1], step.series("force")
         left = (step.phases - wanted.clear_from) / (1 - wanted.clear_from)
         clearance = 4 * wanted.clearance * left * (1 - left)
+        swing, rate = (step.series(name).T for name in ("swing", "swing_rate"))
+        stones = {"stones": np.ravel(wanted.barriers(swing, rate)) / wanted.clearance} if wanted.stones else {}
         return {
+            **stones,
             "exists": np.array([step.sigma.min() - 0.05, wanted.max_eigenvalue - step.eigenvalue]),
             "clearance": (height - clearance)[(left > 0) & (left < 1)] / wanted.clearance,
             "landing speed": -step.series("swing_rate")[-1:, 1] - wanted.landing_speed,

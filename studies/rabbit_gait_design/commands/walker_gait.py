@@ -3,7 +3,7 @@
 import os
 from itertools import chain
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rabbit_common.options import complaints, fail
@@ -52,7 +52,8 @@ def gait(
         }
         own = read_walker(task, {"path": flat, "phase_range": [0, 1], "phase_rate": 1})
     walker = Walker(PinocchioModel(own.urdf, feet=own.feet), own.angles, own.order)
-    limits = {"friction_limit": friction_limit, "min_normal_force": least_force, "max_eigenvalue": max_eigenvalue}
+    limits: dict[str, Any] = {"friction_limit": friction_limit, "min_normal_force": least_force}
+    limits |= {"max_eigenvalue": max_eigenvalue, "stones": own.file.stones}
     limit = torque_limit or own.file.limit
     wanted = PlanarSpecification(step_length, speed, clear_from, clearance, torque_limit=limit, **limits)
     given = [own.path] if "path" in said else []
