@@ -45,11 +45,7 @@ def gait(
     target = new_file(out or task.with_name(f"{task.stem}_gait.yaml"))
     with complaints(ValueError):
         said = read_mapping(task)
-        flat = {
-            "path": {name: [0.0, 0.0] for name in said.get("outputs") or ()},
-            "phase_range": [0, 1],
-            "phase_rate": 1,
-        }
+        flat = {name: [0.0, 0.0] for name in said.get("outputs") or ()}
         own = read_walker(task, {"path": flat, "phase_range": [0, 1], "phase_rate": 1})
     walker = Walker(PinocchioModel(own.urdf, feet=own.feet), own.angles, own.order)
     limits: dict[str, Any] = {"friction_limit": friction_limit, "min_normal_force": least_force}
