@@ -18,8 +18,9 @@ from rabbit_description.task_source import load_task
 from rabbit_description.task_state import p_of
 from rabbit_gait_design.hybrid_zero_dynamics import RepeatedStep, Walker
 from rabbit_gait_design.pinocchio_model import PinocchioModel
+from rabbit_recording.checking import check_episodes
 from rabbit_recording.contents import contents
-from rabbit_recording.task_recording import differing, recorded_ride, write_ride
+from rabbit_recording.task_recording import recorded_ride, write_ride
 from rl_cbf_clf_controller.planar_walker import read_walker
 from rl_cbf_clf_controller.task_controller import TaskController
 from rl_trainer.task_episode import ride_of
@@ -170,7 +171,8 @@ def test_a_walk_is_recorded_and_replayed_to_the_bit(walker, tmp_path):
     write_ride(ride, tmp_path / "bag", None)
     (episode,) = contents(tmp_path / "bag").episodes
     assert (episode.recorded, episode.lost, episode.outcome) == (len(ride.moments), 0, "done")
-    assert differing(task, tmp_path / "bag") == (len(ride.moments), [], 0.0)
+    (checked,) = check_episodes(tmp_path / "bag", task)
+    assert (checked.replayed, checked.differing) == (len(ride.moments), [])
 
 
 def on_stones(tmp_path, name="amber_3m", stones="{nearest: 0.33, farthest: 0.37}"):

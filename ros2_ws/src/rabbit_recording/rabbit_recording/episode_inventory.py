@@ -18,7 +18,8 @@ from rabbit_description.state import TICK_SECONDS, StonePreview, newest_preview
 from rabbit_recording.stored_messages import StoredMessage
 
 DETAILS = ("controller_state", "learner_terms")  # a controller of another kind may publish none
-BY_TICK = ("state", "torque", *DETAILS)
+BY_TICK = ("state", "torque", *DETAILS, "parameters")
+OPTIONAL = (*DETAILS, "parameters")  # which only the simulator of a control task publishes
 OTHERS = ("preview", "landing", "episode", "timing")
 ENDED = 3  # phase in rabbit_msgs/Episode
 NEIGHBOURS = 2  # episodes back, of which messages may still come
@@ -44,7 +45,7 @@ class EpisodeInventory:
     `first` and `last` recorded tick, None if there is none; `recorded`, `lost`: how many. Lost are those between the
     first and the last message of a topic, and up to the episode's end if that was announced. `begins`, `ends`: tick 0,
     and the announcement of the end, are in the recording. `controller`: whose torques acted; `refused_controller`:
-    another one that answered too. Both are empty in a recording made before controllers had names.
+    another one that answered too.
     """
 
     number: int
@@ -67,6 +68,7 @@ class EpisodeInventory:
 
 
 ANNOUNCED = ("seed", "stones", "touchdowns", "outcome", "reason", "controller", "refused_controller")
+Ticks = dict[str, dict[int, StoredMessage]]  # by topic and tick
 Claims = dict[str, dict[int, list[StoredMessage]]]  # by topic and tick, what claims to be its message
 
 
@@ -106,7 +108,7 @@ class Gathered:
         return newest_preview(found, now) or next(iter(found.values()), None)
 
     @property
-    def ticks(self) -> dict[str, dict[int, StoredMessage]]:
+    def ticks(self) -> Ticks:
         """Messages by topic and tick. All count from one beginning; what does not was not the graph's own."""
         by_beginning: dict[float, Claims] = defaultdict(no_claims)
         tick_nanoseconds = self._tick_nanoseconds
@@ -131,19 +133,23 @@ class Gathered:
     def _own(self, claims: list[StoredMessage]) -> StoredMessage | None:
         """Of what claims to be one message, that of the controller whose torques acted; None: it is only another's."""
         said = self.announced
-        if said is None or claims[0].topic == "state" or (len(claims) == 1 and not said.refused_controller):
+        if (
+            said is None
+            or claims[0].topic in ("state", "parameters")
+            or (len(claims) == 1 and not said.refused_controller)
+        ):
             return claims[0]
         return next((each for each in claims if each.decode().sender == said.controller), None)
 
     @staticmethod
-    def kinds(ticks: Mapping[str, Mapping[int, StoredMessage]]) -> dict[str, tuple[str, str]]:
+    def kinds(ticks: Ticks) -> dict[str, tuple[str, str]]:
         """What each topic's messages are: any controller's, or details that this episode's controller publishes."""
-        walker = next((each.decode().sender for topic in BY_TICK[1:] for each in ticks[topic].values()), "")
+        walker = next((each.decode().sender for topic in ("torque", *DETAILS) for each in ticks[topic].values()), "")
         return {topic: (topic, walker if topic in DETAILS else "") for topic in BY_TICK}
 
-    def full_ticks(self, ticks: Mapping[str, Mapping[int, StoredMessage]]) -> list[int]:
+    def full_ticks(self, ticks: Ticks) -> list[int]:
         """Those of which there is all that is published of a tick."""
-        wanted = [t for t, kind in self.kinds(ticks).items() if t not in DETAILS or ticks[t] or kind in self._followed]
+        wanted = [t for t, kind in self.kinds(ticks).items() if t not in OPTIONAL or ticks[t] or kind in self._followed]
         return sorted(set.intersection(*(set(ticks[topic]) for topic in wanted)))
 
     def inventory(self, presence: Presence) -> EpisodeInventory:
@@ -160,7 +166,9 @@ class Gathered:
             made.lost = max(said.tick, 1) if made.ends else 1
         elif presence is Presence.RECORDED:
             kinds = self.kinds(ticks)
-            made.lost = missing({t: self._span(t, ticks[t], kinds[t] in self._followed) for t in BY_TICK}, ticks)
+            spans = {t: self._span(t, ticks[t], kinds[t] in self._followed) for t in BY_TICK}
+            spans |= {"parameters": spans["state"]} if ticks["parameters"] else {}
+            made.lost = missing(spans, ticks)
         return made
 
     def _span(self, topic: str, there: Mapping[int, Any], is_followed: bool) -> range:

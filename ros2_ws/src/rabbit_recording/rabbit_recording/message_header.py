@@ -12,7 +12,8 @@ STAMP = struct.Struct("<3I")  # seconds, nanoseconds, length of the frame's name
 NUMBERS = struct.Struct("<2I")  # episode; and a tick, or what else there is
 TICK = ("header", "episode", "tick")
 FIELDS = {  # the first of each topic's message
-    **dict.fromkeys(("state", "measured", "true_state", "controller_state", "learner_terms", "torque", "timing"), TICK),
+    **dict.fromkeys(("state", "measured", "true_state", "parameters", "torque", "timing"), TICK),
+    **dict.fromkeys(("controller_state", "learner_terms"), TICK),
     "episode": ("header", "episode", "phase"),
     **dict.fromkeys(("preview", "landing"), ("header", "episode")),
 }
