@@ -34,7 +34,7 @@ from rabbit_sim.stones import CourseError, read_course
 from rabbit_viewer.page.broadcast import Broadcast
 from rabbit_viewer.page.recording import fill
 from rabbit_viewer.walk_pictures import records_of
-from recorded_walk import TICK_NS, Walk, in_sqlite3, told, write
+from recorded_walk import TICK_NS, Walk, told, write
 from rl_cbf_clf_controller import weights
 from rl_cbf_clf_controller.parameters import CONFIG, ParameterError, load_parameters
 from rl_cbf_clf_controller.uncertainty import RL_CLF_QP
@@ -78,7 +78,7 @@ def entrances(walk: Walk) -> dict[str, Entrance]:
     report = gzip.compress(json.dumps({"commit": "a", "episodes": [{"kept": 3}]}).encode())
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        mcap, sqlite3 = recorded(folder, walk)
+        mcap = recorded(folder, walk)
         about = about_walk(walk.parameters, SimulationParameters(stones=2), "zero", 1, "walked")
         save_records(WalkRecords.from_ticks(walk.records, walk.landings, about), folder / "records.npz")
         records = (folder / "records.npz").read_bytes()
@@ -99,7 +99,6 @@ def entrances(walk: Walk) -> dict[str, Entrance]:
         "table of stones": Entrance("course.csv", b"l_min,l_max\n0.35,0.40\n0.36,0.41\n", stones, CourseError),
         "parameters": Entrance("a.yaml", (CONFIG / "best.yaml").read_bytes(), load_parameters, ParameterError),
         "recording": Entrance("bag.mcap", mcap, use_recording, BAD_RECORDING, without_checksums),
-        "database": Entrance("bag.db3", sqlite3, use_recording, BAD_RECORDING),
         "journal": Entrance(journal_path(Path(), 0).name, journal, go_on, CheckpointError, with_line_checksums),
         "checkpoint": Entrance(CHECKPOINT, checkpoint, go_on, CheckpointError, with_digest),
         "records": Entrance("records.npz", records, show_records, RecordsError, with_crcs),
@@ -180,11 +179,10 @@ def kept_files() -> tuple[bytes, bytes]:
         return (Path(folder) / CHECKPOINT).read_bytes(), journal
 
 
-def recorded(folder: Path, walk: Walk) -> tuple[bytes, bytes]:
-    """The walk's recording as one file of MCAP, and of SQLite."""
+def recorded(folder: Path, walk: Walk) -> bytes:
+    """The walk's recording."""
     mcap = write(folder / "bag", ((topic, tick * TICK_NS, message) for topic, tick, message in told(walk)))
-    (database,) = in_sqlite3(mcap, folder / "database").glob("*.db3")
-    return (mcap / "bag.mcap").read_bytes(), database.read_bytes()
+    return (mcap / "bag.mcap").read_bytes()
 
 
 # Checksums of changed content: without them a change would never be read. What is beyond repair stays as it is.

@@ -23,8 +23,8 @@ INTERRUPTED = 130
 SHOWN_TICKS = 5  # of those that differ
 
 app = typer.Typer(help=__doc__, no_args_is_help=True, add_completion=False)
-Bag = Annotated[Path, typer.Argument(help="a recording's folder, or its .mcap or .db3 file", metavar="BAG")]
-Source = Annotated[Path, typer.Argument(help="a run's folder, or a recording: folder, .mcap or .db3 file")]
+Bag = Annotated[Path, typer.Argument(help="a recording's folder, or its .mcap file", metavar="BAG")]
+Source = Annotated[Path, typer.Argument(help="a run's folder, or a recording: folder or .mcap file")]
 Episode = Annotated[int | None, typer.Option(help="episode of a recording (default: the last with ticks)", min=1)]
 Task = Annotated[str | None, typer.Option(help="file or name of the recorded system of your own", metavar="TASK")]
 
