@@ -32,7 +32,7 @@ from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.restart_file import RestartFile, RestartFileError
 from rabbit_sim.stones import CourseError, read_course
 from rabbit_viewer.page.broadcast import Broadcast
-from rabbit_viewer.page.recording import fill
+from rabbit_viewer.page.recording import recorded as recorded_rows
 from rabbit_viewer.walk_pictures import records_of
 from recorded_walk import TICK_NS, Walk, told, write
 from rl_cbf_clf_controller import weights
@@ -136,7 +136,7 @@ def use_recording(path: Path) -> None:
     others: tuple[Callable[[Path], Any], ...] = (
         lambda bag: list(check_episodes(bag)),
         lambda bag: recover(bag, bag.parent / "recovered"),
-        lambda bag: fill(Broadcast(), records_of(bag), "bag"),
+        lambda bag: recorded_rows(records_of(bag), "bag").tell(Broadcast()),
     )
     with contextlib.suppress(*BAD_RECORDING):
         others[zlib.crc32(path.read_bytes()) % len(others)](path)
@@ -150,7 +150,7 @@ def evaluation(folder: Path) -> None:
 
 def show_records(path: Path) -> None:
     """On the page."""
-    fill(Broadcast(), load_records(path), "run")
+    recorded_rows(load_records(path), "run").tell(Broadcast())
 
 
 # Sound files

@@ -7,7 +7,7 @@ from typing import Any
 from rabbit_experiments.walk_records import WalkRecords
 
 from rabbit_viewer.limp_fall import with_fall
-from rabbit_viewer.page.recording import ended_of, maker_of, ticks
+from rabbit_viewer.page.recording import Recorded, recorded
 from rabbit_viewer.play.settings import RECORDED
 from rabbit_viewer.walk_pictures import records_of
 
@@ -18,19 +18,20 @@ class RecordedWalker:
     def __init__(self, source: Path) -> None:
         """Raises `RecordsError`, `RecordingError`."""
         self._source = source
-        self.about, self._rows, self._ended = read(source)
+        self._walk = read(source)
+        self.about = {**self._walk.walker, "name": RECORDED, "title": self._walk.title}
         self._next = 0
         self.row: list[float] = []
 
     @property
     def outcome(self) -> str:
         """Empty while it walks."""
-        return str(self._ended["outcome"]) if self._next == len(self._rows) else ""
+        return str(self._walk.ended["outcome"]) if self._next == len(self._walk.rows) else ""
 
     @property
     def ended(self) -> dict[str, Any]:
         """As of a `Walker`."""
-        return {**self._ended, "outcome": self.outcome}
+        return {**self._walk.ended, "outcome": self.outcome}
 
     @property
     def records(self) -> WalkRecords:
@@ -40,7 +41,7 @@ class RecordedWalker:
     def tick(self) -> None:
         """Go on one tick; nothing, once the recording has ended."""
         if not self.outcome:
-            self.row = self._rows[self._next]
+            self.row = self._walk.rows[self._next]
             self._next += 1
 
     def explain(self, tick: int) -> list[str]:
@@ -49,9 +50,6 @@ class RecordedWalker:
 
 
 @cache
-def read(source: Path) -> tuple[dict[str, Any], list[list[float]], dict[str, Any]]:
-    """What the page needs to draw its rows, the rows, how it ended."""
-    walk = records_of(source)
-    maker = maker_of(walk)
-    about = {**maker.about(RECORDED), "title": str(walk.about.get("title", source.name))}
-    return about, [maker.row(tick, tick) for tick in ticks(walk)], ended_of(walk)
+def read(source: Path) -> Recorded:
+    """It is read once, however often it walks."""
+    return recorded(records_of(source), source.name)
