@@ -7,7 +7,7 @@ were over by then.
 
 import math
 from collections import defaultdict
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 from enum import StrEnum
 from heapq import heappop, heappush
@@ -42,8 +42,8 @@ class Presence(StrEnum):
 class EpisodeInventory:
     """One episode.
 
-    `first` and `last` recorded tick, None if there is none; `recorded`, `lost`: how many. Lost are those between the
-    first and the last message of a topic, and up to the episode's end if that was announced. `begins`, `ends`: tick 0,
+    `first` and `last` recorded tick, None if there is none; `recorded`, `lost`: how many. Lost are those that are not
+    whole between these two, and up to the episode's end if that was announced. `begins`, `ends`: tick 0,
     and the announcement of the end, are in the recording. `controller`: whose torques acted; `refused_controller`:
     another one that answered too.
     """
@@ -111,7 +111,7 @@ class Gathered:
     def ticks(self) -> Ticks:
         """Messages by topic and tick. All count from one beginning; what does not was not the graph's own."""
         by_beginning: dict[float, Claims] = defaultdict(no_claims)
-        tick_nanoseconds = self._tick_nanoseconds
+        tick_nanoseconds = 1e9 * self._tick_seconds
         for topic, found in self._heard.items():
             for (tick, stamp), claims in found.items():
                 begin = round(stamp / tick_nanoseconds - tick, BEGINNING_DIGITS)
@@ -119,10 +119,6 @@ class Gathered:
         most = max(by_beginning.values(), key=lambda found: sum(map(len, found.values())), default=no_claims())
         own = {topic: {tick: self._own(claims) for tick, claims in found.items()} for topic, found in most.items()}
         return {topic: {tick: each for tick, each in found.items() if each} for topic, found in own.items()}
-
-    @property
-    def _tick_nanoseconds(self) -> float:
-        return 1e9 * self._tick_seconds
 
     @property
     def _tick_seconds(self) -> float:
@@ -165,38 +161,22 @@ class Gathered:
         if presence is Presence.LOST:
             made.lost = max(said.tick, 1) if made.ends else 1
         elif presence is Presence.RECORDED:
-            kinds = self.kinds(ticks)
-            spans = {t: self._span(t, ticks[t], kinds[t] in self._followed) for t in BY_TICK}
-            spans |= {"parameters": spans["state"]} if ticks["parameters"] else {}
-            made.lost = missing(spans, ticks)
+            made.lost = self._lost(full)
         return made
 
-    def _span(self, topic: str, there: Mapping[int, Any], is_followed: bool) -> range:
-        """Ticks of a topic that were published while it was recorded."""
-        end, said = max(there, default=-1) + 1, self.announced
-        if said is not None and said.outcome:
-            # the controller may be silent before the announced end
-            may_be_silent = topic != "state" and (self._in_real_time or said.outcome in UNANSWERED)
-            end = end if may_be_silent else max(end, said.tick)
-        return range(0 if is_followed else min(there, default=end), end)
+    def _lost(self, full: list[int]) -> int:
+        """How many ticks are not whole between the first that is and the end; a damaged number makes that very long."""
+        begin, end, said = full[0] if full else 0, full[-1] + 1 if full else 0, self.announced
+        if self._followed:  # the recorder was there before
+            begin = 0
+        if said is not None and said.outcome and not self._in_real_time and said.outcome not in UNANSWERED:
+            end = max(end, said.tick)
+        return end - begin - len(full)
 
 
 def no_claims() -> Claims:
     """Of any topic."""
     return {name: {} for name in BY_TICK}
-
-
-def missing(spans: Mapping[str, range], there: Mapping[str, Mapping[int, Any]]) -> int:
-    """How many ticks are in the span of some topic and not there. A damaged number makes a span very long."""
-    reached = spanned = 0
-    for span in sorted((span for span in spans.values() if span), key=lambda span: span.start):
-        spanned += len(range(max(reached, span.start), span.stop))
-        reached = max(reached, span.stop)
-    whole = 0
-    for tick in set().union(*there.values()):
-        of = [name for name, span in spans.items() if tick in span]
-        whole += bool(of) and all(tick in there[name] for name in of)
-    return spanned - whole
 
 
 class Gathering:

@@ -33,12 +33,6 @@ def turn_of(data: bytes) -> tuple[int, int]:
     return NUMBERS.unpack(data[begin : begin + NUMBERS.size].ljust(NUMBERS.size, b"\0"))
 
 
-def episode_and_phase_of(data: bytes) -> tuple[int, int]:
-    """Of an `Episode`, whose phase is one byte."""
-    episode, phase = turn_of(data)
-    return episode, phase & 0xFF
-
-
 def _end_of_header(data: bytes) -> int:
     return 16 + (_stamp_and_length(data)[2] + 3) // 4 * 4  # the frame's name is padded to four bytes
 
@@ -81,4 +75,5 @@ class SimulatedTime:
                 raise RecordingError(f"recording {self._recording}: the simulator was started again without a memory")
             self._may_go_back &= goes_back
         elif topic == "episode" and len(data) >= _end_of_header(data) + NUMBERS.size:  # one that is cut says nothing
-            self._may_go_back |= episode_and_phase_of(data) == FIRST_WORD
+            episode, phase = turn_of(data)
+            self._may_go_back |= (episode, phase & 0xFF) == FIRST_WORD  # the phase is one byte
