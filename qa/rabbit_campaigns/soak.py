@@ -46,7 +46,7 @@ def soak(walk: WalkSettings, seconds: float, tell: Callable[[str], object], oper
         ValueError: no shipped policy is unfit for this controller.
         Interrupted: by a signal.
     """
-    from rabbit_bringup.ros.walking import walking
+    from rabbit_bringup.ros.walk_monitor import walking
 
     from rabbit_campaigns.ros.operator import Operator
 
