@@ -2,7 +2,8 @@
 
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+from rabbit_description.validation import Checked
 
 BATCH = 64  # runs of one controller in MuJoCo that a process walks at once; more gain little
 ABOUT_BATCH = "runs that a process walks at once in MuJoCo; of several a tick's time is a share, 1 times each tick"
@@ -13,10 +14,8 @@ POLICY = "policy.safetensors"  # in a training session's folder
 TRAINING_SLACK_WEIGHT = 3.0  # p while learning: the softer CLF keeps the first, wrong policies on their feet
 
 
-class TuningOptions(BaseModel):
+class TuningOptions(Checked):
     """Options of a command with a controller, besides the controller's own."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
     parameters: str = Field(
         "ours", description="file of controller parameters: ours, best, nominal_tuned, authors or a YAML file"

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from ament_index_python.packages import get_package_share_directory
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 from rabbit_common.priority import give_way
 from rabbit_common.ros.checked_node import CheckedNode
 from rabbit_common.ros.diagnostics import ERROR, OK, WARN, Diagnostics, Status
@@ -25,6 +25,7 @@ from rabbit_common.ros.qos import TICK
 from rabbit_common.ros.spin import run, steady_timer
 from rabbit_common.ros.topics import TOPICS, Topic, published_by
 from rabbit_description.atomic_file import first_free
+from rabbit_description.validation import Checked
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
@@ -38,10 +39,8 @@ BACKLOG = 200  # messages of a topic that may wait: far more are announced at on
 SENT = "source_timestamp"  # of a message, ns of the wall clock
 
 
-class NodeParameters(BaseModel):
+class NodeParameters(Checked):
     """What to record and where."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     path: str = Field("recording", min_length=1, description="folder to be made; if it is there, PATH-2 and so on")
     topics: tuple[str, ...] = Field((), description="further ones to record, by name, once somebody publishes them")
