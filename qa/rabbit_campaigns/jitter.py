@@ -36,7 +36,7 @@ def walk_beside(
         LaunchError: a node cannot be started, ended by itself, or is not ready in time.
         Interrupted: by a signal.
     """
-    from rabbit_bringup.ros.walking import walking
+    from rabbit_bringup.ros.walk_monitor import walking
 
     name = f"neighbours-{neighbours}-priority-{priority}"
     (folder / name).mkdir(parents=True)

@@ -46,7 +46,7 @@ def soak(walk: WalkSettings, seconds: float, tell: Callable[[str], object], oper
         ValueError: no shipped policy is unfit for this controller.
         Interrupted: by a signal.
     """
-    from rabbit_bringup.ros.walking import walking
+    from rabbit_bringup.ros.walk_monitor import walking
 
     from rabbit_campaigns.ros.operator import Operator
 
@@ -61,7 +61,7 @@ def soak(walk: WalkSettings, seconds: float, tell: Callable[[str], object], oper
             policies = Path(walk.policy).absolute(), unfit_policy(walk.controller)
             operator = Operator("", walk.folder, policies, walk.options.pace or 0.0, seed, monitor.check)
             operations = stack.enter_context(Operations(operator, walk.folder, operate_every, seed))
-        pids = {name: monitor.processes.pid(name) for name in walk.names} | {LAUNCHER: os.getpid()}
+        pids = {name: process.pid for name, process in monitor.processes.running.items()} | {LAUNCHER: os.getpid()}
         began, due = time.monotonic(), 0.0
         while (so_far := time.monotonic() - began) < seconds:
             now = monitor.glance()

@@ -11,8 +11,8 @@ from importlib.resources import files
 from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
-from rabbit_description.validation import one_of
+from pydantic import BeforeValidator, Field
+from rabbit_description.validation import Checked, one_of
 from rabbit_description.yaml_file import parse_yaml
 
 from rabbit_benchmark.families import Split, families, family_plant, further_changes, in_order, settable
@@ -58,10 +58,8 @@ class CellError(ValueError):
     """No such cell."""
 
 
-class Storm(BaseModel):
+class Storm(Checked):
     """What storm.yaml says."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     share: Annotated[float, Field(gt=0, le=1)]
     ranges: Annotated[dict[str, tuple[float, float]], BeforeValidator(in_order)]

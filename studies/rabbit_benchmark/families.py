@@ -12,7 +12,8 @@ from importlib.resources import files
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import BeforeValidator, Field
+from rabbit_description.validation import Checked
 from rabbit_description.yaml_file import parse_yaml
 from rabbit_sim.parameters import marked
 from rabbit_sim.perturbation import WHOLE_SUBSTEPS
@@ -39,10 +40,8 @@ def by_name(listed: Any) -> Any:
 Ranges = Annotated[dict[str, Range], BeforeValidator(in_order)]
 
 
-class Family(BaseModel):
+class Family(Checked):
     """One of families.yaml: ranges on each terrain that has it."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     split: Split
     stones: Ranges | None = None
@@ -53,10 +52,8 @@ class Family(BaseModel):
         return self.stones if terrain == "stones" else self.flat
 
 
-class Families(BaseModel):
+class Families(Checked):
     """What families.yaml says; `share`: with which probability a plant of storm-2 is of a family."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     every: Ranges
     share: Annotated[float, Field(gt=0, le=1)]

@@ -143,7 +143,7 @@ class _Programme:
         left = (step.phases - wanted.clear_from) / (1 - wanted.clear_from)
         clearance = 4 * wanted.clearance * left * (1 - left)
         swing, rate = (step.series(name).T for name in ("swing", "swing_rate"))
-        stones = {"stones": np.ravel(wanted.barriers(swing, rate)) / wanted.clearance} if wanted.stones else {}
+        stones = {"stones": wanted.barriers(swing, rate).full().ravel() / wanted.clearance} if wanted.stones else {}
         return {
             **stones,
             "exists": np.array([step.sigma.min() - 0.05, wanted.max_eigenvalue - step.eigenvalue]),

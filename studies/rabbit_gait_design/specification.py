@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
+from rabbit_description.validation import Checked
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
@@ -19,7 +20,7 @@ class Stone:
     poles: tuple[float, float]
 
 
-class GaitSpecification(BaseModel):
+class GaitSpecification(Checked):
     """Parameters of one trajectory optimisation; lengths in m, angles in rad, forces in N, torques in N m.
 
     The stone is [step_length - near_edge, step_length + far_edge] ahead of the stance foot; both barriers' inequalities
@@ -28,8 +29,6 @@ class GaitSpecification(BaseModel):
     it back. A smaller R2 than the controller's makes the circle higher: room to spare. On a
     slope, lengths are along the ground and angles from its normal.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.+-]*$", description="file name without .yaml")
     step_length: float = Field(0.35, ge=0.1, le=0.7, description="step length, m")

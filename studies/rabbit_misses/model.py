@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+from pydantic import ValidationError, model_validator
 from rabbit_description.bounded_file import FileError, read_bytes
 from rabbit_description.state import Array
-from rabbit_description.validation import one_line
+from rabbit_description.validation import Checked, one_line
 from scipy.optimize import minimize
 from scipy.special import expit
 
@@ -29,10 +29,8 @@ class MissModelError(ValueError):
     """A file that is no model of the probability of a miss, or too little to fit one: names what is wrong."""
 
 
-class MissProbability(BaseModel):
+class MissProbability(Checked):
     """A fitted model: mean, spread and weight of each feature, and the bias."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     features: tuple[str, ...]
     mean: tuple[float, ...]

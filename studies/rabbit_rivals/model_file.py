@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ValidationError
 from rabbit_description.atomic_file import replacing
 from rabbit_description.bounded_file import FileError, read_bytes
 from rabbit_description.state import Array
-from rabbit_description.validation import one_line
+from rabbit_description.validation import Checked, one_line
 from rl_cbf_clf_controller.weights import PolicyFileError, unpack
 from safetensors.numpy import save
 
@@ -21,10 +21,8 @@ SIZE_LIMIT = 32_000_000  # bytes
 KEY = "rabbit_model"
 
 
-class About(BaseModel):
+class About(Checked):
     """What a model is and where it comes from; `shapes` of all its arrays follow from it."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     @property
     def shapes(self) -> dict[str, tuple[int, ...]]:

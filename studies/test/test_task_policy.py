@@ -10,7 +10,8 @@ from own_cart import CART
 from rabbit_bringup.cli import app as rabbit
 from rabbit_description.task import TaskError
 from rabbit_description.task_source import load_task
-from rabbit_recording.task_recording import differing, write_ride
+from rabbit_recording.checking import check_episodes
+from rabbit_recording.task_recording import write_ride
 from rabbit_rivals import task_policy
 from rabbit_rivals.commands.rival import app as rival
 from rabbit_rivals.task_policy import BROKEN, PER_TICK, TaskVectorEnv
@@ -85,7 +86,8 @@ def test_a_trained_file_rides_in_the_same_evaluation_and_its_recording_replays(c
     ride = ride_of(controller, controller.controlling(f"ppo:{out}"), 3)
     assert max(abs(m.u[0]) for m in ride.moments) <= 20.0
     write_ride(ride, tmp_path / "bag", None)
-    assert differing(task, tmp_path / "bag") == (len(ride.moments), [], 0.0)
+    (checked,) = check_episodes(tmp_path / "bag", task)
+    assert (checked.replayed, checked.differing) == (len(ride.moments), [])
     with pytest.raises(TaskError, match="trained for cart; this task is other"):
         TaskController(replace(task, name="other")).controlling(f"ppo:{out}")
     for name in ("nosuch:x", "ppo:nosuch"):

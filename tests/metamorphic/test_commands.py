@@ -8,7 +8,7 @@ from drawn_runs import Run, Tick, assert_same, runs, tick_of, walk
 from hypothesis import Phase, assume, given, settings
 from rabbit_bringup.cli import app
 from rabbit_bringup.launching.walk import WalkOptions, WalkSettings
-from rabbit_bringup.ros.walking import walk_through
+from rabbit_bringup.ros.walk_monitor import walk_through
 from rabbit_experiments.assembly import resolve_policy
 from rabbit_recording.checking import check_episodes
 from rabbit_recording.reader import read_episodes

@@ -22,12 +22,12 @@ class World:
 
     def __init__(self, folder: Path, namespace: str) -> None:
         import rclpy
-        from rabbit_bringup.launching.processes import Processes
+        from node_processes import NodeProcesses
         from rclpy.experimental import EventsExecutor
         from rclpy.signals import SignalHandlerOptions
 
         self.folder, self.namespace = folder, namespace
-        self.processes = Processes(folder / "log")
+        self.processes = NodeProcesses(folder / "log")
         self._context = rclpy.Context()
         rclpy.init(args=[], context=self._context, signal_handler_options=SignalHandlerOptions.NO)
         self.node = rclpy.create_node("test", namespace=namespace, context=self._context)

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from rabbit_bringup.launching.walk import WalkOptions, WalkSettings
-from rabbit_bringup.ros.walking import walk_through
+from rabbit_bringup.ros.walk_monitor import walk_through
 from rabbit_description.gait import load_gait
 from rabbit_experiments.assembly import make_simulation
 from rabbit_recording.reader import RecordedEpisode, messages, read_episodes

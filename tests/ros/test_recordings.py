@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from rabbit_bringup.launching.walk import WalkOptions, WalkSettings
-from rabbit_bringup.ros.walking import walk_through
+from rabbit_bringup.ros.walk_monitor import walk_through
 from rabbit_msgs.msg import Episode
 from rabbit_recording.checking import check_episodes
 from rabbit_recording.episode_inventory import Presence

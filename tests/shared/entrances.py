@@ -32,9 +32,9 @@ from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.restart_file import RestartFile, RestartFileError
 from rabbit_sim.stones import CourseError, read_course
 from rabbit_viewer.page.broadcast import Broadcast
-from rabbit_viewer.page.recording import fill
+from rabbit_viewer.page.recording import recorded as recorded_rows
 from rabbit_viewer.walk_pictures import records_of
-from recorded_walk import TICK_NS, Walk, in_sqlite3, told, write
+from recorded_walk import TICK_NS, Walk, told, write
 from rl_cbf_clf_controller import weights
 from rl_cbf_clf_controller.parameters import CONFIG, ParameterError, load_parameters
 from rl_cbf_clf_controller.uncertainty import RL_CLF_QP
@@ -79,7 +79,7 @@ def entrances(walk: Walk) -> dict[str, Entrance]:
     report = gzip.compress(json.dumps({"commit": "a", "episodes": [{"kept": 3}]}).encode())
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        mcap, sqlite3 = recorded(folder, walk)
+        mcap = recorded(folder, walk)
         about = about_walk(walk.parameters, SimulationParameters(stones=2), "zero", 1, "walked")
         save_records(WalkRecords.from_ticks(walk.records, walk.landings, about), folder / "records.npz")
         records = (folder / "records.npz").read_bytes()
@@ -100,7 +100,6 @@ def entrances(walk: Walk) -> dict[str, Entrance]:
         "table of stones": Entrance("course.csv", b"l_min,l_max\n0.35,0.40\n0.36,0.41\n", stones, CourseError),
         "parameters": Entrance("a.yaml", (CONFIG / "best.yaml").read_bytes(), load_parameters, ParameterError),
         "recording": Entrance("bag.mcap", mcap, use_recording, BAD_RECORDING, without_checksums),
-        "database": Entrance("bag.db3", sqlite3, use_recording, BAD_RECORDING),
         "journal": Entrance(journal_path(Path(), 0).name, journal, go_on, CheckpointError, with_line_checksums),
         "checkpoint": Entrance(CHECKPOINT, checkpoint, go_on, CheckpointError, with_digest),
         "records": Entrance("records.npz", records, show_records, RecordsError, with_crcs),
@@ -138,7 +137,7 @@ def use_recording(path: Path) -> None:
     others: tuple[Callable[[Path], Any], ...] = (
         lambda bag: list(check_episodes(bag)),
         lambda bag: recover(bag, bag.parent / "recovered"),
-        lambda bag: fill(Broadcast(), records_of(bag), "bag"),
+        lambda bag: recorded_rows(records_of(bag), "bag").tell(Broadcast()),
     )
     with contextlib.suppress(*BAD_RECORDING):
         others[zlib.crc32(path.read_bytes()) % len(others)](path)
@@ -152,7 +151,7 @@ def evaluation(folder: Path) -> None:
 
 def show_records(path: Path) -> None:
     """On the page."""
-    fill(Broadcast(), load_records(path), "run")
+    recorded_rows(load_records(path), "run").tell(Broadcast())
 
 
 # Sound files
@@ -181,11 +180,10 @@ def kept_files() -> tuple[bytes, bytes]:
         return (Path(folder) / CHECKPOINT).read_bytes(), journal
 
 
-def recorded(folder: Path, walk: Walk) -> tuple[bytes, bytes]:
-    """The walk's recording as one file of MCAP, and of SQLite."""
+def recorded(folder: Path, walk: Walk) -> bytes:
+    """The walk's recording."""
     mcap = write(folder / "bag", ((topic, tick * TICK_NS, message) for topic, tick, message in told(walk)))
-    (database,) = in_sqlite3(mcap, folder / "database").glob("*.db3")
-    return (mcap / "bag.mcap").read_bytes(), database.read_bytes()
+    return (mcap / "bag.mcap").read_bytes()
 
 
 # Checksums of changed content: without them a change would never be read. What is beyond repair stays as it is.

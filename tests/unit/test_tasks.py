@@ -21,14 +21,22 @@ from rabbit_description.task_source import load_task
 from rabbit_experiments.cache import Cache
 from rabbit_experiments.task_rides import TaskRide, rides_of
 from rabbit_recording import RecordingError
+from rabbit_recording.bag_writer import BagWriter
+from rabbit_recording.checking import check_episodes
 from rabbit_recording.contents import contents
-from rabbit_recording.task_recording import differing, recorded_ride, write_ride
+from rabbit_recording.task_recording import recorded_ride, write_ride
 from rabbit_viewer.page.ride import ended_of
 from rl_cbf_clf_controller.task_controller import TaskController
 from rl_trainer.task_episode import ride_of
 from rl_trainer.task_training import measured_problem, train
 from scipy.linalg import expm
 from typer.testing import CliRunner
+
+
+def checked(task, bag):
+    """How many ticks of the only episode were replayed, which did not come out, and by how much at most."""
+    (episode,) = check_episodes(bag, task)
+    return episode.replayed, episode.differing, episode.furthest
 
 
 @pytest.fixture
@@ -152,7 +160,7 @@ def test_training_finds_the_error_and_keeps_the_barrier(task, tmp_path):
         TaskController(replace(task, name="other")).controlling(str(path))
     ride = ride_of(again, again.controlling(str(path)), 5)
     write_ride(ride, tmp_path / "bag", policy)
-    assert differing(task, tmp_path / "bag") == (300, [], 0.0)
+    assert checked(task, tmp_path / "bag") == (300, [], 0.0)
     assert contents(tmp_path / "bag").episodes[0].policies == [policy.version]
 
 
@@ -163,21 +171,34 @@ def test_a_recording_replays_to_the_bit_and_a_changed_one_is_found(task, tmp_pat
     write_ride(ride, tmp_path / "bag", None)
     (episode,) = contents(tmp_path / "bag").episodes
     assert (episode.recorded, episode.lost, episode.seed, episode.outcome) == (300, 0, 3, "done")
-    assert differing(task, tmp_path / "bag") == (300, [], 0.0)
+    assert checked(task, tmp_path / "bag") == (300, [], 0.0)
     moment = ride.moments[17]
     changed = replace(moment.output, torque=np.nextafter(moment.u, 100))
     ride.moments[17] = replace(moment, output=changed)
     write_ride(ride, tmp_path / "changed", None)
-    count, wrong, furthest = differing(task, tmp_path / "changed")
+    count, wrong, furthest = checked(task, tmp_path / "changed")
     assert (count, wrong) == (300, [17])
     assert furthest > 0
+
+
+def test_a_recorder_may_have_heard_the_topics_of_a_tick_in_any_order(task, tmp_path, monkeypatch):
+    written, write = [], BagWriter.write
+    monkeypatch.setattr(BagWriter, "write", lambda bag, *message: written.append((bag, *message)))
+    monkeypatch.setattr(BagWriter, "close", lambda bag: None)
+    write_ride(ride_of(TaskController(task), "oracle", 3), tmp_path / "bag", None)
+    monkeypatch.undo()
+    for i in np.random.default_rng(1).permutation(len(written)):
+        bag, topic, _, data = written[i]
+        write(bag, topic, int(i), data)
+    bag.close()
+    assert checked(task, tmp_path / "bag") == (300, [], 0.0)
 
 
 def test_a_recording_of_another_system_is_refused(task, tmp_path):
     write_ride(ride_of(TaskController(task), "nominal", 3), tmp_path / "bag", None)
     other = replace(task, name="lift", coordinates=("height",))
     with pytest.raises(RecordingError, match="of another system, with x, u1; not of lift"):
-        differing(other, tmp_path / "bag")
+        checked(other, tmp_path / "bag")
 
 
 def typed(*words):
@@ -202,7 +223,10 @@ def test_the_commands(cart, task, tmp_path):
     pictures = tmp_path / "p" / "oracle"
     assert {path.name for path in pictures.iterdir()} >= {"recording", "rows.png", "ride.mp4"}
     bag = pictures / "recording"
-    assert typed("bag", "check", bag, "--task", cart) == (0, "300 ticks replayed, 0 lost, inputs identical\n")
+    assert typed("bag", "check", bag, "--task", cart) == (
+        0,
+        "episode 1: 300 ticks, 0 lost, 300 replayed, inputs identical\n",
+    )
     code, said = typed("bag", "check", bag)
     assert (code, "with `--task`" in said) == (2, True)
     code, said = typed("bag", "plot", bag, "--task", cart, "--out", tmp_path / "plot")

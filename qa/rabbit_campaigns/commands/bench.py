@@ -5,10 +5,11 @@ from pathlib import Path
 from typing import Any
 
 import typer
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 from rabbit_bringup.commands.walk import DEFAULTS
 from rabbit_common.options import Given, fail, options
 from rabbit_common.own_folder import new_file
+from rabbit_description.validation import Checked
 from rabbit_experiments.commands.evaluate import given_assembly
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
@@ -16,10 +17,8 @@ from rl_cbf_clf_controller.parameters import ControllerParameters
 app = typer.Typer(add_completion=False)
 
 
-class BenchOptions(BaseModel):
+class BenchOptions(Checked):
     """The options of `rabbit bench` besides plant and controller."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     out: Path | None = Field(None, description="file for the figures (default: runs/DATE-bench.json)")
     seed: int = Field(9001, ge=0, le=2**32 - 1, description="seed of course and first state")

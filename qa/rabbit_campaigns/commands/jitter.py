@@ -7,11 +7,12 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 from rabbit_bringup.commands.walk import DEFAULTS, assembly_of_nodes
 from rabbit_common.exit_codes import Interrupted
 from rabbit_common.options import Given, complaints, fail, options, tell_if_bare
 from rabbit_common.own_folder import new_folder
+from rabbit_description.validation import Checked
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
@@ -20,10 +21,8 @@ NOT_FIT = 1
 app = typer.Typer(add_completion=False)
 
 
-class JitterOptions(BaseModel):
+class JitterOptions(Checked):
     """Options of `rabbit jitter` besides those of plant and controller."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     out: Path | None = Field(None, description="folder for recordings and figures (default: runs/DATE-jitter)")
     minutes: float = Field(10.0, gt=0, le=1000, description="length of each walk, minutes")

@@ -5,11 +5,12 @@ from pathlib import Path
 from typing import Any
 
 import typer
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 from rabbit_bringup.commands.walk import assembly_of_nodes, given_training, make_folder
 from rabbit_bringup.launching.walk import MOST_EPISODES, WalkOptions, WalkSettings
 from rabbit_common.exit_codes import Interrupted
 from rabbit_common.options import Defaults, Given, complaints, fail, options, tell_if_bare
+from rabbit_description.validation import Checked
 from rabbit_experiments.conditions import EVALUATION_LAG
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
@@ -32,10 +33,8 @@ OF_WALK = {"out", "seed", "pace"}
 app = typer.Typer(add_completion=False)
 
 
-class SoakOptions(BaseModel):
+class SoakOptions(Checked):
     """The options of `rabbit soak` besides plant and controller."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     out: Path | None = Field(
         None, description="folder for recording, samples and figures (default: runs/DATE-seed-SEED)"

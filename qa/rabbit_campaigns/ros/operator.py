@@ -1,15 +1,19 @@
 """An operator at a walking graph: asks for this and that, good and bad, and judges what comes of it."""
 
 import random
+import time
 from array import array
 from collections import deque
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
-from rabbit_common.ros.client import GraphClient
+from rabbit_common.ros.client import SERVICE_TYPES, TOPIC, GraphClient
+from rabbit_common.ros.services import AGAIN_SECONDS
 from rabbit_msgs.msg import Episode, PolicySwap, PolicyWeights, TorqueCommand
 from rabbit_recording.message_header import turn_of
+from rcl_interfaces.srv import GetParameters, SetParameters
+from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 
@@ -35,6 +39,8 @@ Answer = tuple[str, str, bool]  # what was asked, what came back, whether that w
 
 class Operator(GraphClient):
     """A method for each kind of operation; each waits for what comes of it. `newest`: where the walk is."""
+
+    service_types: ClassVar = {**SERVICE_TYPES, "get_parameters": GetParameters, "set_parameters": SetParameters}
 
     def __init__(
         self,
@@ -86,11 +92,11 @@ class Operator(GraphClient):
         """Publish one that acts as the first."""
         policy = near_policy(self._good, self._rng.getrandbits(31))
         self._published.clear()
-        with self.publishing("policy") as publisher:
-            publisher.publish(
-                PolicyWeights(version=policy.version, source="operator", data=array("B", policy.encode()))
-            )
-            return (policy.version, *self._comes_in_force(policy.version))
+        publisher = self.node.create_publisher(PolicyWeights, "policy", TOPIC["policy"].qos)
+        publisher.publish(PolicyWeights(version=policy.version, source="operator", data=array("B", policy.encode())))
+        comes = self._comes_in_force(policy.version)
+        self.node.destroy_publisher(publisher)
+        return (policy.version, *comes)
 
     def _comes_in_force(self, version: str, reason: str = "") -> tuple[str, bool]:
         """In force, or replaced before the next tick by a newer one, as by a trainer between two episodes."""
@@ -128,14 +134,21 @@ class Operator(GraphClient):
     def refused_parameter(self) -> Answer:
         """Set what must be refused."""
         node, name, value = self._rng.choice(REFUSED)
-        before = self.parameter(node, name, self.patience)
+        before = self._parameter(node, name)
         what, reason, now = self._set(node, name, value)
         return what, f"{reason or 'accepted'}; is {now}", bool(reason) and now == before
 
     def _set(self, node: str, name: str, value: Any) -> tuple[str, str, Any]:
         """What is set, why it is refused, if it is, and what is in force afterwards."""
-        reasons = self.refusals(node, {name: value}, self.patience)
-        return f"{node} {name} = {value}", "".join(reasons), self.parameter(node, name, self.patience)
+        wanted = [Parameter(name, value=value).to_parameter_msg()]
+        (result,) = self._asked(f"{node}/set_parameters", parameters=wanted).results
+        reason = "" if result.successful else result.reason or "no reason"
+        return f"{node} {name} = {value}", reason, self._parameter(node, name)
+
+    def _parameter(self, node: str, name: str) -> Any:
+        """The value that a node has in force, None of an unknown parameter."""
+        values = self._asked(f"{node}/get_parameters", names=[name]).values
+        return parameter_value_to_python(values[0]) if values else None
 
     # The walk
 
@@ -165,13 +178,19 @@ class Operator(GraphClient):
 
     def _asked_once(self, name: str, **fields: Any) -> Any:
         """Asked once: a reset must not be asked for twice. Raises `TimeoutError`."""
-        answer = self.ask(name, self.patience, again=self.patience, **fields)
-        if answer is None:
+        return self._asked(name, self.patience, **fields)
+
+    def _asked(self, name: str, again: float = AGAIN_SECONDS, **fields: Any) -> Any:
+        if (answer := self.ask(name, self.patience, again, **fields)) is None:
             raise TimeoutError(f"no answer from {name} in {self.patience:g} s")
         return answer
 
     def _wait(self, until: Callable[[], bool]) -> bool:
-        return self.comes(until, self.patience)
+        end = time.monotonic() + self.patience
+        while not (holds := until()) and time.monotonic() <= end:
+            self.check()
+            self.spin(0.02)
+        return holds
 
     def _on_state(self, data: bytes) -> None:
         self.newest = turn_of(data)

@@ -5,9 +5,10 @@ from pathlib import Path
 from typing import Any
 
 import typer
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 from rabbit_common.options import Given, fail, options
 from rabbit_common.own_folder import own_folder
+from rabbit_description.validation import Checked
 
 from rabbit_gait_design.specification import GaitSpecification
 
@@ -16,10 +17,8 @@ NOT_FOUND = 1
 app = typer.Typer(add_completion=False)
 
 
-class FolderOptions(BaseModel):
+class FolderOptions(Checked):
     """Options of `rabbit gait` besides those of the specification."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     out: Path = Field(Path("runs/gaits"), description="folder for NAME.yaml and NAME.png")
     library: tuple[float, ...] = Field((), description="step lengths of a gait library, m, increasing; '' for one gait")

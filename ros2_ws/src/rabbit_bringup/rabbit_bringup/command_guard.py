@@ -7,17 +7,16 @@ bridge has commanded zero, as it does before it enables the robot.
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 from rabbit_description.state import ACTUATED, Array
+from rabbit_description.validation import Checked
 
 SECOND = 1_000_000_000  # ns
 REST = np.zeros(len(ACTUATED))
 
 
-class GuardParameters(BaseModel):
+class GuardParameters(Checked):
     """How old a command may be."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     timeout: float = Field(0.05, gt=0, le=60, description="without a command, or joint_states, for so long: zeros, s")
     largest_age: float = Field(

@@ -44,7 +44,7 @@ def test_a_second_signal_ends_at_once_what_does_not_end_politely(tmp_path: Path)
     assert deaf.stdout.readline() == "deaf\n"
     processes = Processes(tmp_path)
     with processes.ended_at_last():
-        processes._running["deaf"] = deaf
+        processes.running["deaf"] = deaf
         for _ in range(2):
             os.kill(os.getpid(), signal.SIGINT)
             time.sleep(2 * ECHO_SECONDS)

@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import Annotated, Any, Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from rabbit_description import GAITS, LIBRARIES
 from rabbit_description.atomic_file import replace_text
 from rabbit_description.bounded_file import FileError, is_file, read_text
 from rabbit_description.state import DOF, JOINTS, Array
-from rabbit_description.validation import one_line, one_of
+from rabbit_description.validation import Checked, one_line, one_of
 from rabbit_description.yaml_file import MOST_BYTES, dump_yaml, parse_yaml
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -28,10 +28,8 @@ class GaitError(ValueError):
     """A gait file that cannot be used: names the file, the field and what was expected."""
 
 
-class GaitFile(BaseModel):
+class GaitFile(Checked):
     """What a gait and a library have in common."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     name: str
 

@@ -4,9 +4,15 @@ import re
 from collections.abc import Callable, Collection
 from difflib import get_close_matches
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError
 
 LONGEST_LINE = 1000  # characters of an error
+
+
+class Checked(BaseModel):
+    """Has exactly its fields, which do not change. It is built when it is first used: `--help` needs none."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
 
 def one_line(error: object, most: int = LONGEST_LINE) -> str:

@@ -3,25 +3,22 @@
 from math import pi
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 from rabbit_description.state import TICK_SECONDS
 from rabbit_description.tick import ABOUT_TICK, TickSeconds
+from rabbit_description.validation import Checked
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
-class NodeParameters(BaseModel):
+class NodeParameters(Checked):
     """Parameters of the estimator's node besides the estimator's."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
     priority: int = Field(0, ge=0, le=99, description="SCHED_FIFO priority, where permitted; 0: an ordinary process")
 
 
-class EstimatorParameters(BaseModel):
+class EstimatorParameters(Checked):
     """Flat, immutable and checked. Standard deviations, unless said otherwise."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
     tick_seconds: TickSeconds = Field(TICK_SECONDS, description=ABOUT_TICK)
     encoder_resolution: Positive = Field(2 * pi / 2**14, description="step of the joint angles, rad")

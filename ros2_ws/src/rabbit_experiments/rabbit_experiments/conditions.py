@@ -4,7 +4,8 @@ import os
 from typing import Annotated, Any
 
 import typer
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+from rabbit_description.validation import Checked
 
 BATCH = 64  # runs of one controller in MuJoCo that a process walks at once; more gain little
 ABOUT_BATCH = "runs that a process walks at once in MuJoCo; of several a tick's time is a share, 1 times each tick"
@@ -25,10 +26,8 @@ def who_runs(jobs: int | None, cluster: str | None) -> int | str:
     return cluster or jobs or os.environ.get("RABBIT_CLUSTER") or os.cpu_count() or 1
 
 
-class TuningOptions(BaseModel):
+class TuningOptions(Checked):
     """Options of a command with a controller, besides the controller's own."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
     parameters: str = Field(
         "ours", description="file of controller parameters: ours, best, nominal_tuned, authors or a YAML file"

@@ -10,7 +10,15 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import cast
 
-from rosbags.interfaces import Connection, Qos
+from rosbags.interfaces import (
+    Connection,
+    Qos,
+    QosDurability,
+    QosHistory,
+    QosLiveliness,
+    QosReliability,
+    QosTime,
+)
 from rosbags.rosbag2 import StoragePlugin, Writer, WriterError
 from rosbags.rosbag2.storage_mcap import McapWriter
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
@@ -19,6 +27,7 @@ from rosbags.typesys.store import Typestore
 from rabbit_recording import RecordingError
 
 FLUSH_SECONDS = 0.5
+FOREVER = QosTime(9223372036, 854775807)  # as `ros2 bag` writes it
 
 
 def graph_types(definitions: Iterable[Path]) -> Typestore:
@@ -33,6 +42,12 @@ def add_types(store: Typestore, share: Path) -> None:
     """Those of a message package, by its folder."""
     for file in sorted((share / "msg").glob("*.msg")):
         store.register(get_types_from_msg(file.read_text(encoding="utf-8"), f"{share.name}/msg/{file.stem}"))
+
+
+def offered(depth: int, durability: str = "VOLATILE", reliability: str = "RELIABLE", history: str = "KEEP_LAST") -> Qos:
+    """A QoS as a recording notes it, by the names that ROS has for it."""
+    kept = QosHistory[history], depth, QosReliability[reliability], QosDurability[durability]
+    return Qos(*kept, FOREVER, FOREVER, QosLiveliness.AUTOMATIC, FOREVER, avoid_ros_namespace_conventions=False)
 
 
 class BagWriter:

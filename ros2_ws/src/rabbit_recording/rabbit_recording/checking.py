@@ -1,20 +1,22 @@
 """Is a recording whole, and does it replay? Ticks that are not in it, and torques that do not come out again."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from rabbit_description.state import JOINTS
+from rabbit_description.task import ControlTask
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.fitted_policy import fitted
 from rl_cbf_clf_controller.policy import ZeroPolicy
+from rl_cbf_clf_controller.task_controller import NOMINAL, TaskController
 from rl_cbf_clf_controller.weights import decode
 
 from rabbit_recording.open_recording import one_line_errors
-from rabbit_recording.reader import RecordedEpisode, iterate_episodes
+from rabbit_recording.reader import RecordedEpisode, RecordedSwap, iterate_episodes
 
 
 @dataclass(frozen=True)
@@ -23,7 +25,7 @@ class Checked:
 
     None are where it begins later, or its controller is of another kind, which announces no settings.
 
-    `differing` are the ticks whose torques did not come out, `furthest` (N m) the most that one was off.
+    `differing` are the ticks whose torques did not come out, `furthest` (N m; a task's unit) the most that one was off.
     """
 
     episode: RecordedEpisode
@@ -32,20 +34,22 @@ class Checked:
     furthest: float
 
 
-def check_episodes(path: Path) -> Iterator[Checked]:
-    """Check one episode after another; raises `RecordingError`."""
-    for episode in iterate_episodes(path):
-        # up to the first gap: a controller remembers, and cannot be replayed from elsewhere
-        is_ours = bool(episode.settings or any(record.output.quantities for record in episode.records))
-        whole = [record for i, record in enumerate(episode.records) if is_ours and record.state.tick == i]
+def check_episodes(path: Path, task: ControlTask | None = None) -> Iterator[Checked]:
+    """Check one episode after another, of a `task` or of RABBIT; raises `RecordingError`."""
+    for episode in iterate_episodes(path, task):
+        records = episode.records
+        if not task:  # up to the first gap: RABBIT's controller remembers, and cannot be replayed from elsewhere
+            is_ours = bool(episode.settings or any(record.output.quantities for record in records))
+            records = [record for i, record in enumerate(records) if is_ours and record.state.tick == i]
         with one_line_errors(path, f"episode {episode.number} cannot be replayed"):
-            torques = [output.torque for _, output in replayed(replace(episode, records=whole))]
-        again = np.array(torques).reshape(-1, JOINTS)
-        off = np.abs(np.array([record.output.torque for record in whole]).reshape(-1, JOINTS) - again).max(axis=1)
-        yield Checked(episode, len(whole), np.flatnonzero(off != 0).tolist(), float(off.max(initial=0.0)))
+            again = [output.torque for _, output in replayed(replace(episode, records=records), task)]
+        both = zip(records, again, strict=True)
+        off = np.array([np.abs(record.output.torque - torque).max() for record, torque in both])
+        differing = [records[i].state.tick for i in np.flatnonzero(off != 0)]
+        yield Checked(episode, len(records), differing, float(off.max(initial=0.0)))
 
 
-def replayed(episode: RecordedEpisode) -> Iterator[tuple[Controller, ControllerOutput]]:
+def replayed(episode: RecordedEpisode, task: ControlTask | None = None) -> Iterator[tuple[Any, ControllerOutput]]:
     """The recorded states into a controller of one's own, under the recorded settings and policies.
 
     The recorded torques must come out.
@@ -58,20 +62,55 @@ def replayed(episode: RecordedEpisode) -> Iterator[tuple[Controller, ControllerO
     """
     if not episode.records:
         return
+    controller, set_for = _task_controller(episode, task) if task else _controller(episode)
+    controller.reset(episode.seed)
+    swaps = {swap.tick: swap for swap in episode.swaps}
+    for record in episode.records:
+        set_for(record.state.tick, swaps.get(record.state.tick))
+        yield controller, controller.step(record.state)
+
+
+SetFor = Callable[[int, RecordedSwap | None], None]  # what a controller goes by at a tick, where that changes
+
+
+def _controller(episode: RecordedEpisode) -> tuple[Controller, SetFor]:
     if not episode.settings or episode.settings[0].tick > 0:
         raise ValueError("the controller's parameters are not in it")
     noise = {"sigma": episode.sigma} if math.isfinite(episode.sigma) else {}  # the episode's own goes first
     all_parameters = {each.tick: each.parameters.model_copy(update=noise) for each in episode.settings}
-    swaps = {swap.tick: swap for swap in episode.swaps}
     first, gait = all_parameters[0], episode.settings[0].gait
     zero = ZeroPolicy(first.problem)
     controller = Controller(first, gait, zero)
     controller.rehearse()  # as the node does
-    controller.reset(episode.seed)
-    for record in episode.records:
-        controller.parameters = all_parameters.get(record.state.tick, controller.parameters)
-        if (swap := swaps.get(record.state.tick)) is not None:
-            if swap.data is None:
-                raise ValueError(f"policy {swap.version} is not in it")
-            controller.policy = fitted(decode(swap.data), first, gait) if swap.data else zero
-        yield controller, controller.step(record.state)
+
+    def set_for(tick: int, swap: RecordedSwap | None) -> None:
+        controller.parameters = all_parameters.get(tick, controller.parameters)
+        if swap is not None:
+            data = policy_bytes(swap)
+            controller.policy = fitted(decode(data), first, gait) if data else zero
+
+    return controller, set_for
+
+
+def _task_controller(episode: RecordedEpisode, task: ControlTask) -> tuple[TaskController, SetFor]:
+    controller = TaskController(task)
+    controller.sigma = float(np.nan_to_num(episode.sigma))
+
+    def set_for(tick: int, swap: RecordedSwap | None) -> None:
+        if swap is None:
+            return
+        if swap.version == "zero":
+            controller.policy = NOMINAL
+        elif swap.version in controller.names or ":" in swap.version:
+            controller.policy = controller.controlling(swap.version)
+        else:
+            controller.policy = controller.fitted(decode(policy_bytes(swap)))
+
+    return controller, set_for
+
+
+def policy_bytes(swap: RecordedSwap) -> bytes:
+    """Of its file, empty for the built-in zero policy; raises `ValueError` where the recording has it not."""
+    if swap.data is None:
+        raise ValueError(f"policy {swap.version} is not in it")
+    return swap.data

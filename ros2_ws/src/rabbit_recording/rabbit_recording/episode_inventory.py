@@ -7,7 +7,7 @@ were over by then.
 
 import math
 from collections import defaultdict
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 from enum import StrEnum
 from heapq import heappop, heappush
@@ -18,7 +18,8 @@ from rabbit_description.state import TICK_SECONDS, StonePreview, newest_preview
 from rabbit_recording.stored_messages import StoredMessage
 
 DETAILS = ("controller_state", "learner_terms")  # a controller of another kind may publish none
-BY_TICK = ("state", "torque", *DETAILS)
+BY_TICK = ("state", "torque", *DETAILS, "parameters")
+OPTIONAL = (*DETAILS, "parameters")  # which only the simulator of a control task publishes
 OTHERS = ("preview", "landing", "episode", "timing")
 ENDED = 3  # phase in rabbit_msgs/Episode
 NEIGHBOURS = 2  # episodes back, of which messages may still come
@@ -41,10 +42,10 @@ class Presence(StrEnum):
 class EpisodeInventory:
     """One episode.
 
-    `first` and `last` recorded tick, None if there is none; `recorded`, `lost`: how many. Lost are those between the
-    first and the last message of a topic, and up to the episode's end if that was announced. `begins`, `ends`: tick 0,
+    `first` and `last` recorded tick, None if there is none; `recorded`, `lost`: how many. Lost are those that are not
+    whole between these two, and up to the episode's end if that was announced. `begins`, `ends`: tick 0,
     and the announcement of the end, are in the recording. `controller`: whose torques acted; `refused_controller`:
-    another one that answered too. Both are empty in a recording made before controllers had names.
+    another one that answered too.
     """
 
     number: int
@@ -67,6 +68,7 @@ class EpisodeInventory:
 
 
 ANNOUNCED = ("seed", "stones", "touchdowns", "outcome", "reason", "controller", "refused_controller")
+Ticks = dict[str, dict[int, StoredMessage]]  # by topic and tick
 Claims = dict[str, dict[int, list[StoredMessage]]]  # by topic and tick, what claims to be its message
 
 
@@ -106,10 +108,10 @@ class Gathered:
         return newest_preview(found, now) or next(iter(found.values()), None)
 
     @property
-    def ticks(self) -> dict[str, dict[int, StoredMessage]]:
+    def ticks(self) -> Ticks:
         """Messages by topic and tick. All count from one beginning; what does not was not the graph's own."""
         by_beginning: dict[float, Claims] = defaultdict(no_claims)
-        tick_nanoseconds = self._tick_nanoseconds
+        tick_nanoseconds = 1e9 * self._tick_seconds
         for topic, found in self._heard.items():
             for (tick, stamp), claims in found.items():
                 begin = round(stamp / tick_nanoseconds - tick, BEGINNING_DIGITS)
@@ -117,10 +119,6 @@ class Gathered:
         most = max(by_beginning.values(), key=lambda found: sum(map(len, found.values())), default=no_claims())
         own = {topic: {tick: self._own(claims) for tick, claims in found.items()} for topic, found in most.items()}
         return {topic: {tick: each for tick, each in found.items() if each} for topic, found in own.items()}
-
-    @property
-    def _tick_nanoseconds(self) -> float:
-        return 1e9 * self._tick_seconds
 
     @property
     def _tick_seconds(self) -> float:
@@ -131,19 +129,23 @@ class Gathered:
     def _own(self, claims: list[StoredMessage]) -> StoredMessage | None:
         """Of what claims to be one message, that of the controller whose torques acted; None: it is only another's."""
         said = self.announced
-        if said is None or claims[0].topic == "state" or (len(claims) == 1 and not said.refused_controller):
+        if (
+            said is None
+            or claims[0].topic in ("state", "parameters")
+            or (len(claims) == 1 and not said.refused_controller)
+        ):
             return claims[0]
         return next((each for each in claims if each.decode().sender == said.controller), None)
 
     @staticmethod
-    def kinds(ticks: Mapping[str, Mapping[int, StoredMessage]]) -> dict[str, tuple[str, str]]:
+    def kinds(ticks: Ticks) -> dict[str, tuple[str, str]]:
         """What each topic's messages are: any controller's, or details that this episode's controller publishes."""
-        walker = next((each.decode().sender for topic in BY_TICK[1:] for each in ticks[topic].values()), "")
+        walker = next((each.decode().sender for topic in ("torque", *DETAILS) for each in ticks[topic].values()), "")
         return {topic: (topic, walker if topic in DETAILS else "") for topic in BY_TICK}
 
-    def full_ticks(self, ticks: Mapping[str, Mapping[int, StoredMessage]]) -> list[int]:
+    def full_ticks(self, ticks: Ticks) -> list[int]:
         """Those of which there is all that is published of a tick."""
-        wanted = [t for t, kind in self.kinds(ticks).items() if t not in DETAILS or ticks[t] or kind in self._followed]
+        wanted = [t for t, kind in self.kinds(ticks).items() if t not in OPTIONAL or ticks[t] or kind in self._followed]
         return sorted(set.intersection(*(set(ticks[topic]) for topic in wanted)))
 
     def inventory(self, presence: Presence) -> EpisodeInventory:
@@ -159,36 +161,22 @@ class Gathered:
         if presence is Presence.LOST:
             made.lost = max(said.tick, 1) if made.ends else 1
         elif presence is Presence.RECORDED:
-            kinds = self.kinds(ticks)
-            made.lost = missing({t: self._span(t, ticks[t], kinds[t] in self._followed) for t in BY_TICK}, ticks)
+            made.lost = self._lost(full)
         return made
 
-    def _span(self, topic: str, there: Mapping[int, Any], is_followed: bool) -> range:
-        """Ticks of a topic that were published while it was recorded."""
-        end, said = max(there, default=-1) + 1, self.announced
-        if said is not None and said.outcome:
-            # the controller may be silent before the announced end
-            may_be_silent = topic != "state" and (self._in_real_time or said.outcome in UNANSWERED)
-            end = end if may_be_silent else max(end, said.tick)
-        return range(0 if is_followed else min(there, default=end), end)
+    def _lost(self, full: list[int]) -> int:
+        """How many ticks are not whole between the first that is and the end; a damaged number makes that very long."""
+        begin, end, said = full[0] if full else 0, full[-1] + 1 if full else 0, self.announced
+        if self._followed:  # the recorder was there before
+            begin = 0
+        if said is not None and said.outcome and not self._in_real_time and said.outcome not in UNANSWERED:
+            end = max(end, said.tick)
+        return end - begin - len(full)
 
 
 def no_claims() -> Claims:
     """Of any topic."""
     return {name: {} for name in BY_TICK}
-
-
-def missing(spans: Mapping[str, range], there: Mapping[str, Mapping[int, Any]]) -> int:
-    """How many ticks are in the span of some topic and not there. A damaged number makes a span very long."""
-    reached = spanned = 0
-    for span in sorted((span for span in spans.values() if span), key=lambda span: span.start):
-        spanned += len(range(max(reached, span.start), span.stop))
-        reached = max(reached, span.stop)
-    whole = 0
-    for tick in set().union(*there.values()):
-        of = [name for name, span in spans.items() if tick in span]
-        whole += bool(of) and all(tick in there[name] for name in of)
-    return spanned - whole
 
 
 class Gathering:

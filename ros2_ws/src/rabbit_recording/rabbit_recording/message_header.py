@@ -12,7 +12,8 @@ STAMP = struct.Struct("<3I")  # seconds, nanoseconds, length of the frame's name
 NUMBERS = struct.Struct("<2I")  # episode; and a tick, or what else there is
 TICK = ("header", "episode", "tick")
 FIELDS = {  # the first of each topic's message
-    **dict.fromkeys(("state", "measured", "true_state", "controller_state", "learner_terms", "torque", "timing"), TICK),
+    **dict.fromkeys(("state", "measured", "true_state", "parameters", "torque", "timing"), TICK),
+    **dict.fromkeys(("controller_state", "learner_terms"), TICK),
     "episode": ("header", "episode", "phase"),
     **dict.fromkeys(("preview", "landing"), ("header", "episode")),
 }
@@ -30,12 +31,6 @@ def turn_of(data: bytes) -> tuple[int, int]:
     """Episode and tick of a `RobotState` or another message of a tick."""
     begin = _end_of_header(data)
     return NUMBERS.unpack(data[begin : begin + NUMBERS.size].ljust(NUMBERS.size, b"\0"))
-
-
-def episode_and_phase_of(data: bytes) -> tuple[int, int]:
-    """Of an `Episode`, whose phase is one byte."""
-    episode, phase = turn_of(data)
-    return episode, phase & 0xFF
 
 
 def _end_of_header(data: bytes) -> int:
@@ -80,4 +75,5 @@ class SimulatedTime:
                 raise RecordingError(f"recording {self._recording}: the simulator was started again without a memory")
             self._may_go_back &= goes_back
         elif topic == "episode" and len(data) >= _end_of_header(data) + NUMBERS.size:  # one that is cut says nothing
-            self._may_go_back |= episode_and_phase_of(data) == FIRST_WORD
+            episode, phase = turn_of(data)
+            self._may_go_back |= (episode, phase & 0xFF) == FIRST_WORD  # the phase is one byte

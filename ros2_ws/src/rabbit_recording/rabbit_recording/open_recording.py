@@ -1,13 +1,12 @@
-"""Opens a recording: a rosbag2 folder, or its MCAP or sqlite3 file. Whatever is wrong with it becomes one line.
+"""Opens a recording: a rosbag2 folder, or its MCAP file. Whatever is wrong with it becomes one line.
 
 The files are read, not the folder's metadata.yaml. They are not trusted: a few bytes can stand for many, as a
-compressed chunk, an index that names one chunk a thousand times, an array of 4e9 values in a message definition, or a
-column that a database computes. Each is refused, so that time and memory stay in proportion to the file.
+compressed chunk, an index that names one chunk a thousand times, or an array of 4e9 values in a message definition.
+Each is refused, so that time and memory stay in proportion to the file.
 """
 
 import contextlib
 import re
-import sqlite3
 from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
@@ -21,7 +20,6 @@ from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection
 from rosbags.rosbag2 import Reader, ReaderError
 from rosbags.rosbag2.storage_mcap import DECOMPRESSORS, McapReader
-from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
 from rabbit_recording import RecordingError
 
@@ -31,8 +29,6 @@ SMALL = 1_000_000  # bytes that a chunk may always have
 MOST_TOPICS = 1000
 MOST_DEFINITION = 100_000  # characters of a message definition with all that it contains
 LONGEST_ARRAY = 100_000  # fixed, in a message definition
-LONGEST_VALUE = 100_000_000  # bytes of a value in a database
-COMPUTES = re.compile(r"\b(AS|CHECK|GENERATED|VIEW|TRIGGER|VIRTUAL)\b", re.IGNORECASE)
 
 
 @contextlib.contextmanager
@@ -63,24 +59,21 @@ def last_name(topic: str) -> str:
     return topic.split("/")[-1]
 
 
-def storage_files(path: Path, *suffixes: str) -> list[Path]:
-    """The files that hold the messages, .mcap and .db3 if no `suffixes`; raises `RecordingError` if there are none."""
-    suffixes = suffixes or (".mcap", ".db3")
+def storage_files(path: Path) -> list[Path]:
+    """The files that hold the messages; raises `RecordingError` if there are none."""
     if not exists(path):
         raise RecordingError(f"recording {path}: no such file or folder")
     with one_line_errors(path):
-        files = sorted(file for file in (path.iterdir() if path.is_dir() else [path]) if file.suffix in suffixes)
+        files = sorted(file for file in (path.iterdir() if path.is_dir() else [path]) if file.suffix == ".mcap")
     if not files:
-        raise RecordingError(f"recording {path}: expected a rosbag2 folder, or its {' or '.join(suffixes)} file")
+        raise RecordingError(f"recording {path}: expected a rosbag2 folder, or its .mcap file")
     if odd := next((file for file in files if not file.is_file()), None):
         raise RecordingError(f"recording {odd}: expected a regular file, not a directory, device or pipe")
     return files
 
 
 def is_unfinished(file: Path) -> bool:
-    """An MCAP file without its end, or a database with a transaction under way."""
-    if file.suffix != ".mcap":
-        return file.with_name(f"{file.name}-journal").exists()
+    """Without its end."""
     with one_line_errors(file), file.open("rb") as stream:
         begins = stream.read(len(MCAP_MAGIC)) == MCAP_MAGIC
         at = stream.seek(-len(MCAP_MAGIC), 2) if begins else 0
@@ -114,17 +107,8 @@ class _BoundedMcapReader(McapReader):
         check_definitions(self.connections)
 
 
-class _BoundedSqlite3Reader(Sqlite3Reader):
-    """A sound database of plain tables."""
-
-    def _open(self) -> None:
-        _check_database(Path(str(self.path)))
-        super()._open()
-        check_definitions(self.connections)
-
-
 class _BoundedReader(Reader):
-    STORAGE_PLUGINS: Mapping[str, Any] = {".mcap": _BoundedMcapReader, ".db3": _BoundedSqlite3Reader}
+    STORAGE_PLUGINS: Mapping[str, Any] = {".mcap": _BoundedMcapReader}
 
 
 def check_definitions(connections: Iterable[Connection]) -> None:
@@ -138,23 +122,6 @@ def check_definitions(connections: Iterable[Connection]) -> None:
         lengths = re.findall(r"\[\s*(\d+)\s*\]", re.sub(r"#.*", "", text))
         if any(len(length) > 9 or int(length) > LONGEST_ARRAY for length in lengths):
             raise ReaderError(f"definition of {kind[:100]}: an array of more than {LONGEST_ARRAY} values")
-
-
-def _check_database(file: Path) -> None:
-    """Raise `ReaderError` for a database that is damaged, cut, or computes what is read from it."""
-    address = f"{file.absolute().as_uri()}?immutable=1&mode=ro"
-    try:
-        with contextlib.closing(sqlite3.connect(address, uri=True)) as database:
-            database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LONGEST_VALUE)
-            for (text,) in database.execute("SELECT sql FROM sqlite_master WHERE sql IS NOT NULL"):
-                if found := COMPUTES.search(str(text)):
-                    raise ReaderError(f"a table with {found[0]}: expected columns of plain values")
-            facts = (database.execute(f"PRAGMA {name}") for name in ("quick_check(1)", "page_count", "page_size"))
-            said, pages, size = (fact.fetchone()[0] for fact in facts)
-    except sqlite3.Error as error:
-        raise ReaderError(f"database: {error}") from error
-    if said != "ok" or file.stat().st_size < pages * size:
-        raise ReaderError(f"database: damaged or cut: {said[:200]}")
 
 
 def _decompress(kind: Any, data: bytes, size: int) -> bytes:

@@ -27,7 +27,7 @@ def recover(path: Path, out: Path | None = None) -> Recovered:
 
     Raises `RecordingError` if there is nothing to recover, or `out` is there already.
     """
-    files = storage_files(path, ".mcap")
+    files = storage_files(path)
     folder = path if path.is_dir() else path.parent
     types, writer = get_typestore(Stores.EMPTY), None
     with one_line_errors(path):

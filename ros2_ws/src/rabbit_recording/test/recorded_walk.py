@@ -14,7 +14,6 @@ from ament_index_python.packages import get_package_share_directory
 from rabbit_description.gait import load_gait
 from rabbit_description.state import LAYOUT, TICK_SECONDS
 from rabbit_recording.bag_writer import BagWriter, graph_types
-from rabbit_recording.open_recording import opened
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Landing, Simulation
 from rl_cbf_clf_controller.controller import Controller
@@ -23,7 +22,6 @@ from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_trainer.rollout import Record, rollout
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
-from rosbags.rosbag2 import StoragePlugin, Writer
 
 DRAWS = pytest.mark.skipif(not entry_points(group="rabbit.pictures"), reason="rabbit_viewer, which draws, is not there")
 MESSAGES = Path(get_package_share_directory("rabbit_msgs"))
@@ -89,10 +87,9 @@ def walk() -> Walk:
 def write_bag(walk: Walk) -> Callable[..., Path]:
     """Records the walk into a folder; `change` may alter a (topic, message) or drop it (None)."""
 
-    def write_walk(path: Path, storage: str = "mcap", change: Any = lambda topic, message: message) -> Path:
+    def write_walk(path: Path, change: Any = lambda topic, message: message) -> Path:
         kept = ((topic, tick * TICK_NS, change(topic, message)) for topic, tick, message in told(walk))
-        mcap = write(path if storage == "mcap" else path.with_name("in_mcap"), (each for each in kept if each[2]))
-        return mcap if storage == "mcap" else in_sqlite3(mcap, path)
+        return write(path, (each for each in kept if each[2]))
 
     return write_walk
 
@@ -107,21 +104,6 @@ def write(path: Path, messages: Iterable[tuple[str, int, Any]]) -> Path:
         writer.write(f"/{topic}", nanoseconds, data)
     writer.close()
     return path
-
-
-def in_sqlite3(recording: Path, out: Path) -> Path:
-    """The recording in the format that version 0.1 also wrote."""
-    with opened(recording) as reader, Writer(out, version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
-        topics: dict[str, Any] = {}
-        for each in reader.connections:
-            ext: Any = each.ext
-            qos = ext.offered_qos_profiles
-            topics[each.topic] = writer.add_connection(
-                each.topic, each.msgtype, typestore=TYPES, offered_qos_profiles=qos
-            )
-        for connection, nanoseconds, data in reader.messages():
-            writer.write(topics[connection.topic], nanoseconds, data)
-    return out
 
 
 def message(topic: str, tick: int, **fields: Any) -> Any:

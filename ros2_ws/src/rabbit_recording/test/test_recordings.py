@@ -40,9 +40,8 @@ def settled(parameters: ControllerParameters) -> Callable[[str, Any], Any]:
     return change
 
 
-@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
-def test_ticks_come_back_bit_for_bit(tmp_path: Path, write_bag: WriteBag, walk: Walk, storage: str) -> None:
-    episode = read_episodes(write_bag(tmp_path / "bag", storage))[1]
+def test_ticks_come_back_bit_for_bit(tmp_path: Path, write_bag: WriteBag, walk: Walk) -> None:
+    episode = read_episodes(write_bag(tmp_path / "bag"))[1]
     assert (episode.seed, episode.outcome, episode.lost) == (SEED, "walked", 0)
     assert episode.landings == walk.landings
     for ours, theirs in zip(episode.records, walk.records, strict=True):

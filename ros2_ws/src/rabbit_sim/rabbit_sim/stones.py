@@ -6,9 +6,10 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
+from pydantic import Field, TypeAdapter, ValidationError, model_validator
 from rabbit_description.bounded_file import FileError, read_text
 from rabbit_description.state import Array
+from rabbit_description.validation import Checked
 from rabbit_description.yaml_file import MOST_BYTES, read_yaml, shortened
 
 from rabbit_sim.parameters import SimulationParameters
@@ -21,13 +22,11 @@ class CourseError(ValueError):
     """A course file that cannot be used: names the file, the stone and what was expected."""
 
 
-class Stone(BaseModel):
+class Stone(Checked):
     """Near and far edge, m, from the stance foot (relative) or the middle of the stone before (absolute placement).
 
     `height`: of its top above the first platform, m.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     l_min: Edge
     l_max: Edge

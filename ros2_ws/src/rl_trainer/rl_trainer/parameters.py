@@ -6,10 +6,11 @@ all else are ours: docs/differences_from_paper.md.
 
 from typing import TYPE_CHECKING, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 from rabbit_description.plugins import names
 from rabbit_description.state import TICK_SECONDS
 from rabbit_description.tick import ABOUT_TICK, TickSeconds
+from rabbit_description.validation import Checked
 from rl_cbf_clf_controller.kinds import NamedProblem
 from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP, STEP_LENGTH
@@ -24,10 +25,8 @@ else:
 TYPICAL_LGV = 10.0  # |LgV| + 1 of a walk at scale 2
 
 
-class TrainingParameters(BaseModel):
+class TrainingParameters(Checked):
     """Parameters of learner, reward, transitions and schedule; defaults are what works, `paper_literal()` the paper."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     problem: NamedProblem = Field(RL_CBF_CLF_QP, description="what is learned: the controller's name")
     learner: LearnerName = Field("ddpg", description="how the actor is trained")

@@ -128,7 +128,7 @@ def walk_with_progress(walk: WalkSettings, ended: Callable[[Any], None]) -> Any:
     """Walk under a bar that says how it goes; returns the monitor."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-    from rabbit_bringup.ros.walking import walk_through
+    from rabbit_bringup.ros.walk_monitor import walk_through
 
     def show(now: Any) -> None:
         episode = f"episode {now.episode}, " if walk.options.episodes > 1 else ""

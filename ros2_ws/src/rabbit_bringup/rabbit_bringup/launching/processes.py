@@ -43,17 +43,17 @@ class NodeEnded(LaunchError):
 
 
 class Processes:
-    """The running nodes, by name."""
+    """The nodes, `running` by name."""
 
     def __init__(self, logs: Path) -> None:
         self._logs = logs
-        self._running: dict[str, subprocess.Popen[bytes]] = {}
+        self.running: dict[str, subprocess.Popen[bytes]] = {}
         self._signal, self._hurry = 0, False
 
     @property
     def names(self) -> list[str]:
-        """The nodes that were started and not yet ended or waited for."""
-        return list(self._running)
+        """The nodes that were started and not yet ended."""
+        return list(self.running)
 
     def start(self, name: str, arguments: Sequence[str] = (), kind: str = "", package: str = "") -> None:
         """Start a node, by default our own of that name; else the executable `kind` of a `package`.
@@ -64,7 +64,7 @@ class Processes:
         command = [str(find_executable(package or PACKAGES[kind], kind)), *arguments]
         self._logs.mkdir(parents=True, exist_ok=True)
         with (self._logs / f"{name}.log").open("ab") as log:
-            self._running[name] = subprocess.Popen(
+            self.running[name] = subprocess.Popen(
                 command,
                 stdin=subprocess.DEVNULL,
                 stdout=log,
@@ -77,7 +77,7 @@ class Processes:
         """Raises `NodeEnded`, with the last line of its log, if a node has ended by itself; or `Interrupted`."""
         if self._signal:
             raise Interrupted(self._signal)
-        for name, process in self._running.items():
+        for name, process in self.running.items():
             if (code := process.poll()) is not None:
                 raise NodeEnded(name, code, self._last_words(name))
 
@@ -108,7 +108,7 @@ class Processes:
 
     def stop(self, names: Sequence[str] = ()) -> None:
         """End the named nodes, or all: politely, and when they or the user lose patience, not."""
-        chosen = {name: process for name, process in self._running.items() if name in (names or self._running)}
+        chosen = {name: process for name, process in self.running.items() if name in (names or self.running)}
         for process in chosen.values():
             process.send_signal(signal.SIGTERM)
         deadline = time.monotonic() + PATIENCE
@@ -117,27 +117,7 @@ class Processes:
                 for process in chosen.values():
                     process.send_signal(signal.SIGKILL)
             time.sleep(POLL_SECONDS)
-        self._running = {name: process for name, process in self._running.items() if name not in chosen}
-
-    def kill(self, names: Sequence[str] = ()) -> None:
-        """End the named nodes, or all, at once."""
-        for name in names or self.names:
-            self._running[name].send_signal(signal.SIGKILL)
-            self.wait(name, PATIENCE)
-
-    def send(self, name: str, number: signal.Signals) -> None:
-        """Send a node a signal."""
-        self._running[name].send_signal(number)
-
-    def pid(self, name: str) -> int:
-        """Process of a running node."""
-        return self._running[name].pid
-
-    def wait(self, name: str, timeout: float) -> int:
-        """Exit code of a node that ends; raises `subprocess.TimeoutExpired`."""
-        code = self._running[name].wait(timeout)
-        del self._running[name]
-        return code
+        self.running = {name: process for name, process in self.running.items() if name not in chosen}
 
     def _last_words(self, name: str) -> str:
         log = self._logs / f"{name}.log"

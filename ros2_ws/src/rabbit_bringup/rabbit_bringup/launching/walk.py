@@ -10,9 +10,10 @@ import json
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 from rabbit_common.executables import NAMESPACE
 from rabbit_description import ABOUT_TASK
+from rabbit_description.validation import Checked
 from rabbit_estimator.parameters import EstimatorParameters
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_viewer.page import PORT
@@ -24,10 +25,8 @@ MOST_EPISODES = 10_000
 NOBODY = "none"  # as the controller: one that is started by hand
 
 
-class WalkOptions(BaseModel):
+class WalkOptions(Checked):
     """The options of `rabbit walk` besides plant and controller."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
     controller: str = Field(
         "", description="controller by name, PACKAGE/EXECUTABLE of another node, or none: you start one yourself"
@@ -74,13 +73,11 @@ class WalkOptions(BaseModel):
         return self.trainer and self.swap_at == "episode"
 
 
-class WalkSettings(BaseModel):
+class WalkSettings(Checked):
     """Who walks, and where it leaves what.
 
     `policy`: zero or a file; `training`: of the trainer; `further`: parameters by node that nothing else decides.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
     folder: Path
     options: WalkOptions

@@ -84,12 +84,8 @@ def _leave(walk: WalkSettings, code: ExitCode, seconds: float) -> None:
             f"real time: {timing['late_share']:.2%} of the ticks more than 2 ms late, {timing['missed']} unanswered in "
             f"time; age of the torque {timing['age_ms']['p99']:.1f} ms (p99)"
         )
-    if summary["ticks"]:
-        _show(walk)
-
-
-def _show(walk: WalkSettings) -> None:
-    """Draw and film it."""
+    if not summary["ticks"]:
+        return
     from rabbit_viewer.walk_pictures import draw_pictures, film_walk
     from rich.console import Console
 
@@ -107,15 +103,12 @@ def _rescued(walk: WalkSettings, error: LaunchError) -> str:
         with contextlib.suppress(OSError):  # nothing was left in it
             walk.folder.rmdir()
         return ""
-    from rabbit_recording.open_recording import opened
+    from rabbit_recording.open_recording import is_unfinished, storage_files
     from rabbit_recording.recover import recover
 
     note = f"; what was recorded until then: {recording}"
     with contextlib.suppress(RecordingError):
-        try:
-            with opened(recording):
-                pass
-        except RecordingError:
+        if any(map(is_unfinished, storage_files(recording))):
             note = f"; unfinished: {recording}; `rabbit bag recover {recording}` makes a whole one of it"
             recording = recover(recording).path
             note += f", as {recording}"

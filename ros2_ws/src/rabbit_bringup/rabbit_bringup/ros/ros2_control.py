@@ -70,7 +70,7 @@ class HardwareNode(SimulatorNode):
         self._rest()
 
     def _on_joints(self, message: JointState) -> None:
-        self._take("joint_states", message, joints_of(message, ACTUATED))
+        self._take("joint_states", message, joints_of(message))
 
     def _on_imu(self, message: Imu) -> None:
         self._take("imu", message, imu_of(message))

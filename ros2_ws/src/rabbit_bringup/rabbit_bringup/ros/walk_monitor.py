@@ -1,24 +1,29 @@
-"""The launcher's own node: sees who is ready, lets the walk begin, and says how it goes."""
+"""The launcher: starts the nodes, sees who is ready, lets the walk begin, says how it goes, ends the nodes."""
 
+import contextlib
 import math
+import sys
 import time
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rabbit_common.executables import LaunchError
 from rabbit_common.exit_codes import CUT_SHORT, ExitCode
+from rabbit_common.priority import leave_priority, take_listeners_priority
 from rabbit_common.ros.client import TOPIC, GraphClient
 from rabbit_common.ros.diagnostics import BARRIER, figure, reader_counts
+from rabbit_common.ros.namespace_check import NamespaceCheck
 from rabbit_common.ros.topics import missing_readers
 from rabbit_msgs.msg import Episode, EpisodePlan, Landing
 
-from rabbit_bringup.launching.processes import Processes
-from rabbit_bringup.launching.walk import WalkOptions
+from rabbit_bringup.launching.processes import Processes, write_parameters
+from rabbit_bringup.launching.walk import WalkOptions, WalkSettings
 
 GLANCE_SECONDS, READY_SECONDS = 0.2, 0.05  # between two looks at the walk, and at nodes that begin
 ANSWER_SECONDS = 10.0
+Tell = Callable[[Any], object]  # gets the `Episode` message of an episode that has ended
 UNHEARD = DiagnosticStatus(level=DiagnosticStatus.WARN, message="not heard of yet")
 
 
@@ -44,9 +49,7 @@ class Progress(NamedTuple):
 class WalkMonitor(GraphClient):
     """Sees `processes` through a walk; `tell` gets the message of each episode that has ended."""
 
-    def __init__(
-        self, options: WalkOptions, processes: Processes, tell: Callable[[Episode], object] = lambda _: None
-    ) -> None:
+    def __init__(self, options: WalkOptions, processes: Processes, tell: Tell = lambda _: None) -> None:
         super().__init__("launcher", options.namespace, "/rabbit/launcher", processes.check)
         self.processes = processes
         self._options, self._tell = options, tell
@@ -144,3 +147,37 @@ class WalkMonitor(GraphClient):
 
     def _on_landing(self, message: Landing) -> None:
         self._landing = message
+
+
+def walk_through(
+    walk: WalkSettings, tell: Tell = lambda _: None, show: Callable[[Progress], object] = lambda _: None
+) -> WalkMonitor:
+    """Walk all episodes, as `walking` says; `show` gets the walk's progress now and then."""
+    with walking(walk, tell) as monitor:
+        while not monitor.is_over:
+            show(monitor.glance())
+    return monitor
+
+
+@contextlib.contextmanager
+def walking(walk: WalkSettings, tell: Tell = lambda _: None) -> Iterator[WalkMonitor]:
+    """A graph that walks, seen by the monitor, as long as that is called now and then; all nodes have ended at the end.
+
+    Raises `LaunchError` if another graph is there, or a node cannot be started, ended by itself, or is not ready in
+    time; `Interrupted` by a signal.
+    """
+    processes = Processes(walk.folder / "log")
+    with contextlib.ExitStack() as stack:
+        check = stack.enter_context(contextlib.closing(NamespaceCheck(walk.options.namespace)))
+        take_listeners_priority(walk.options.priority, warn=lambda line: print(line, file=sys.stderr))
+        stack.callback(leave_priority, walk.options.priority)  # what is started meanwhile has it too
+        stack.enter_context(processes.ended_at_last())
+        check.look(walk.names)
+        write_parameters(walk.parameter_file, walk.parameters())
+        for name in sorted(walk.names, key=lambda name: name != "trainer"):  # which imports the longest
+            processes.check()
+            package, executable = walk.executable(name)
+            processes.start(name, walk.arguments(name), executable, package)
+        with contextlib.closing(WalkMonitor(walk.options, processes, tell)) as monitor:
+            monitor.begin()
+            yield monitor

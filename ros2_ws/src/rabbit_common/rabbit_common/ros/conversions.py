@@ -195,15 +195,7 @@ def foot_wrench(force: Array, leg_angle: float, foot: int, at: Header) -> Wrench
     return WrenchStamped(header=Header(stamp=at.stamp, frame_id=SOLES[foot]), wrench=Wrench(force=turned))
 
 
-def encoders_of(message: JointState) -> tuple[Array, Array]:
-    """Angles and rates of the four joints, (4,) each; other joints, or another order, are refused."""
-    if tuple(message.name) != ACTUATED:
-        raise Refused("other joints", f"name = {list(message.name)[:8]}; expected {', '.join(ACTUATED)}")
-    check_lengths(message, dict.fromkeys(("position", "velocity"), len(ACTUATED)))
-    return np.array(message.position), np.array(message.velocity)
-
-
-def joints_of(message: JointState, joints: Sequence[str]) -> tuple[Array, Array]:
+def joints_of(message: JointState, joints: Sequence[str] = ACTUATED) -> tuple[Array, Array]:
     """Positions and velocities (n,) of these joints, which may come in whatever order, and with others."""
     if missing := [joint for joint in joints if joint not in message.name]:
         raise Refused("other joints", f"name = {message.name[:8]}; expected {', '.join(missing)} among them")

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from rabbit_common.message_checks import Refused, check_finite, check_lengths, check_turn, doubles
 from rabbit_common.priority import scheduling, take_priority
-from rabbit_common.ros.conversions import LENGTHS, Announcements, encoders_of, imu_of, nanoseconds
+from rabbit_common.ros.conversions import LENGTHS, Announcements, imu_of, joints_of, nanoseconds
 from rabbit_common.ros.diagnostics import OK, WARN, Diagnostics, Status
 from rabbit_common.ros.parameters import declare, refuse_unknown
 from rabbit_common.ros.qos import EVENT, TICK
@@ -31,7 +31,7 @@ from rabbit_estimator.contact_aided_filter import ContactAidedFilter, EstimatorE
 from rabbit_estimator.parameters import EstimatorParameters, NodeParameters
 
 SENSORS: dict[str, tuple[Any, Callable[[Any], tuple[Any, ...]]]] = {  # by topic; the fields of `BodySensors` in turn
-    "joint_states": (JointState, encoders_of),
+    "joint_states": (JointState, joints_of),
     "imu": (Imu, imu_of),
 }
 UNKNOWN = np.full(DOF, np.nan)

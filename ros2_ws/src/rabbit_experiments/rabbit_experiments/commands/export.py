@@ -6,9 +6,10 @@ from tempfile import TemporaryDirectory
 from typing import Annotated
 
 import typer
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 from rabbit_common.options import Defaults, Given, complaints, options
 from rabbit_common.own_folder import own_folder
+from rabbit_description.validation import Checked
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
@@ -17,10 +18,8 @@ DEFAULTS = Defaults(always={"plant": "mujoco", "mass_scale": 2.0, "qp_solver": "
 app = typer.Typer(add_completion=False)
 
 
-class ExportOptions(BaseModel):
+class ExportOptions(Checked):
     """The options of `rabbit export` besides those of the controller and of the plant that the example walks."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     parameters: str = Field("best", description="controller parameters: best, ours, nominal_tuned or a YAML file")
     policy: str = Field("zero", description="zero, a shipped policy or a file")

@@ -23,8 +23,8 @@ INTERRUPTED = 130
 SHOWN_TICKS = 5  # of those that differ
 
 app = typer.Typer(help=__doc__, no_args_is_help=True, add_completion=False)
-Bag = Annotated[Path, typer.Argument(help="a recording's folder, or its .mcap or .db3 file", metavar="BAG")]
-Source = Annotated[Path, typer.Argument(help="a run's folder, or a recording: folder, .mcap or .db3 file")]
+Bag = Annotated[Path, typer.Argument(help="a recording's folder, or its .mcap file", metavar="BAG")]
+Source = Annotated[Path, typer.Argument(help="a run's folder, or a recording: folder or .mcap file")]
 Episode = Annotated[int | None, typer.Option(help="episode of a recording (default: the last with ticks)", min=1)]
 Task = Annotated[str | None, typer.Option(help="file or name of the recorded system of your own", metavar="TASK")]
 
@@ -110,11 +110,9 @@ def brought(name: str) -> Any:
 
 def ride_in(bag: Path, task: str, episode: int | None) -> Any:
     """An episode of a control task; raises `TaskError`, `RecordingError`."""
-    from rabbit_description.task_source import load_task
-
     from rabbit_recording.task_recording import recorded_ride
 
-    return recorded_ride(load_task(task), bag, episode)
+    return recorded_ride(loaded_task(task), bag, episode)
 
 
 @app.command()
@@ -162,23 +160,21 @@ def plot(
 @app.command()
 def check(bag: Bag, task: Task = None) -> None:
     """Count lost ticks, and replay the states through a controller. Exit code 0: what is there is whole and replays."""
-    if task:
-        check_task(bag, task)
-        return
     from rabbit_recording.checking import check_episodes
 
     faults = episodes = 0
-    with complaints(RecordingError):
-        for e in check_episodes(bag):
+    name, unit = ("inputs", "") if task else ("torques", " N m")
+    with complaints(ValueError, RecordingError):
+        for e in check_episodes(bag, loaded_task(task)):
             episodes += 1
             of = e.episode
             faults += of.lost + len(e.differing)
-            said = "torques identical" if e.replayed else "a replay begins at tick 0, which is not in it"
+            said = f"{name} identical" if e.replayed else "a replay begins at tick 0, which is not in it"
             if of.begins and not e.replayed:
                 said = "its controller announces no settings to replay it with"
             if e.differing:
                 ticks = e.differing[:SHOWN_TICKS]
-                said = f"{len(e.differing)} torques differ, by up to {e.furthest:.3g} N m, in ticks {ticks}"
+                said = f"{len(e.differing)} {name} differ, by up to {e.furthest:.3g}{unit}, in ticks {ticks}"
             print(f"episode {of.number}: {of.recorded} ticks, {of.lost} lost, {e.replayed} replayed, {said}")
     if not episodes:
         fail(f"recording {bag}: no episode in it")
@@ -186,21 +182,11 @@ def check(bag: Bag, task: Task = None) -> None:
         raise typer.Exit(DIFFERS)
 
 
-def check_task(bag: Path, task: str) -> None:
-    """Of a control task of one's own."""
+def loaded_task(task: str | None) -> Any:
+    """A control task of one's own, None for RABBIT; raises `TaskError`."""
     from rabbit_description.task_source import load_task
 
-    from rabbit_recording.reader import iterate_inventories, messages
-    from rabbit_recording.task_recording import differing
-
-    with complaints(ValueError, RecordingError):
-        count, wrong, furthest = differing(load_task(task), bag)
-        answered = {(m.episode, m.tick) for _, m in messages(bag, "torque")}
-        lost = max(sum(episode.lost for episode in iterate_inventories(bag)), len(answered) - count)
-    differ = f"{len(wrong)} differ, by up to {furthest:.3g}, in ticks {wrong[:SHOWN_TICKS]}"
-    print(f"{count} ticks replayed, {lost} lost, {differ if wrong else 'inputs identical'}")
-    if wrong or lost:
-        raise typer.Exit(DIFFERS)
+    return load_task(task) if task else None
 
 
 @app.command()

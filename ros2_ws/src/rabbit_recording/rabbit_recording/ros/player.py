@@ -1,7 +1,4 @@
-"""Publishes a recording's messages again: their bytes, at their pace, under the QoS they were offered with.
-
-Those of an older version become messages of today.
-"""
+"""Publishes a recording's messages again: their bytes, at their pace, under the QoS they were offered with."""
 
 import time
 from contextlib import closing
@@ -19,7 +16,6 @@ from rosbags.interfaces import Connection, ConnectionExtRosbag2, QosDurability, 
 
 from rabbit_recording import RecordingError
 from rabbit_recording.bag_writer import graph_types
-from rabbit_recording.older_messages import Renewal
 from rabbit_recording.open_recording import begin_of, one_line_errors, opened
 
 DELIVERY_SECONDS = 3.0
@@ -30,17 +26,15 @@ def play(path: Path, rate: float = 1.0, namespace: str = "", delay: float = 1.0)
     """Publish what is in a recording, what was announced before its first state at once; returns how many messages.
 
     It goes at `rate` times its own pace, with `namespace` before every topic, after `delay` s in which readers find the
-    player. Raises `RecordingError` if it is not readable, of other message definitions than the sourced workspace's and
-    the older ones, or with topics that somebody publishes already; `Refused` if the environment cannot be used.
+    player. Raises `RecordingError` if it is not readable, of other message definitions than the sourced workspace's, or
+    with topics that somebody publishes already; `Refused` if the environment cannot be used.
     """
     here = graph_types([Path(get_package_share_directory("rabbit_msgs"))])
     with opened(path) as reader, closing(GraphClient("player", namespace, "/")) as client:
-        renewal = Renewal(reader, here)
         publishers: dict[str, Any] = {}
         for connection in reader.connections:
             topic, kind = connection.topic, connection.msgtype
-            is_known = kind in here.fielddefs and kind not in renewal.older
-            if is_known and here.hash_rihs01(kind) != reader.typestore.hash_rihs01(kind):
+            if kind in here.fielddefs and here.hash_rihs01(kind) != reader.typestore.hash_rihs01(kind):
                 raise RecordingError(f"recording {path}: {kind} is defined otherwise in the sourced workspace")
             publishers[topic] = _publisher(client.node, topic, kind, connection, namespace)
         topics = [publisher.topic_name for publisher in publishers.values()]
@@ -51,7 +45,7 @@ def play(path: Path, rate: float = 1.0, namespace: str = "", delay: float = 1.0)
             begin = begin_of(reader)
             for connection, nanoseconds, data in reader.messages():
                 time.sleep(max(0.0, began + (nanoseconds - begin) / 1e9 / rate - time.monotonic()))
-                publishers[connection.topic].publish(renewal.message(connection, data))
+                publishers[connection.topic].publish(data)
                 count += 1
         for each in publishers.values():
             each.wait_for_all_acked(Duration(seconds=DELIVERY_SECONDS))

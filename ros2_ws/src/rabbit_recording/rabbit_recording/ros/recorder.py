@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from ament_index_python.packages import get_package_share_directory
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 from rabbit_common.priority import give_way
 from rabbit_common.ros.checked_node import CheckedNode
 from rabbit_common.ros.diagnostics import ERROR, OK, WARN, Diagnostics, Status
@@ -25,25 +25,22 @@ from rabbit_common.ros.qos import TICK
 from rabbit_common.ros.spin import run, steady_timer
 from rabbit_common.ros.topics import TOPICS, Topic, published_by
 from rabbit_description.atomic_file import first_free
+from rabbit_description.validation import Checked
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
-from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 
 from rabbit_recording import RecordingError
-from rabbit_recording.bag_writer import FLUSH_SECONDS, BagWriter, add_types, graph_types
+from rabbit_recording.bag_writer import FLUSH_SECONDS, BagWriter, add_types, graph_types, offered
 from rabbit_recording.message_header import SimulatedTime, turn_of
 
 IDLE_SECONDS = 0.3  # without a message, after which nothing more is on its way
 EXPECTED = ("simulator", "controller")  # nodes whose topics must be there before the recorder says that it is ready
 BACKLOG = 200  # messages of a topic that may wait: far more are announced at once only where somebody steps the robot
-FOREVER = QosTime(9223372036, 854775807)  # as `ros2 bag` writes it
 SENT = "source_timestamp"  # of a message, ns of the wall clock
 
 
-class NodeParameters(BaseModel):
+class NodeParameters(Checked):
     """What to record and where."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     path: str = Field("recording", min_length=1, description="folder to be made; if it is there, PATH-2 and so on")
     topics: tuple[str, ...] = Field((), description="further ones to record, by name, once somebody publishes them")
@@ -84,7 +81,8 @@ class RecorderNode(CheckedNode):
 
     def _subscribe(self, topic: Topic) -> Subscription:
         name, qos = self.resolve_topic_name(topic.name, only_expand=True), topic.qos  # under its own name if remapped
-        self._writer.add(name, topic.type_name, [offered(qos)])
+        words = (policy.name for policy in (qos.durability, qos.reliability, qos.history))
+        self._writer.add(name, topic.type_name, [offered(qos.depth, *words)])
         callback = with_info(self._guarded(topic.name, partial(self._on_bytes, topic, name)))
         # with a queue in which messages wait while the disk is written
         queue = QoSProfile(depth=max(qos.depth, BACKLOG), reliability=qos.reliability, durability=qos.durability)
@@ -155,13 +153,6 @@ def with_info(callback: Callable[[Any, dict[str, Any]], None]) -> Callable[..., 
 
     take.__signature__ = inspect.signature(callback)  # type: ignore[attr-defined]
     return take
-
-
-def offered(profile: QoSProfile) -> Qos:
-    """A QoS profile as a recording notes it."""
-    durability, reliability = QosDurability[profile.durability.name], QosReliability[profile.reliability.name]
-    asked = QosHistory[profile.history.name], profile.depth, reliability, durability
-    return Qos(*asked, FOREVER, FOREVER, QosLiveliness.AUTOMATIC, FOREVER, avoid_ros_namespace_conventions=False)
 
 
 def main() -> None:

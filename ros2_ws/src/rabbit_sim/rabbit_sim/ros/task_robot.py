@@ -8,7 +8,7 @@ An episode begins once somebody hears the joints, and the next one as it ends.
 """
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 from rabbit_common.message_checks import array_of, check_finite
 from rabbit_common.ros.checked_node import CheckedNode
 from rabbit_common.ros.conversions import header
@@ -21,15 +21,14 @@ from rabbit_description.state import RobotState
 from rabbit_description.task import TaskError
 from rabbit_description.task_simulation import TaskSimulation
 from rabbit_description.task_source import load_task
+from rabbit_description.validation import Checked
 from std_msgs.msg import Float64MultiArray
 
 from rabbit_sim.ros.publishers import TaskPublishers
 
 
-class NodeParameters(BaseModel):
+class NodeParameters(Checked):
     """Which task, and its first seed."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     task: str = Field("", description=ABOUT_TASK)
     seed: int = Field(1, ge=0, le=2**63 - 1, description="seed of the first episode; the next ones count up from it")

@@ -3,8 +3,9 @@
 from pathlib import Path
 
 import typer
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 from rabbit_common.options import Defaults, Given, complaints, options
+from rabbit_description.validation import Checked
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
@@ -20,10 +21,8 @@ UNIMPORTANT = ("port", "browser", "export")  # for the walk
 app = typer.Typer(add_completion=False)
 
 
-class PlayOptions(BaseModel):
+class PlayOptions(Checked):
     """Of `rabbit play`."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     port: int = Field(PORT, ge=0, le=65535, description="port of the page, on this machine alone; 0: any free one")
     browser: bool = Field(True, description="open the page in a browser")

@@ -12,7 +12,7 @@ app = typer.Typer(add_completion=False)
 
 @app.command()
 def video(
-    source: Annotated[Path, typer.Argument(help="a run's folder, or a recording: folder, .mcap or .db3 file")],
+    source: Annotated[Path, typer.Argument(help="a run's folder, or a recording: folder or .mcap file")],
     beside: Annotated[Path | None, typer.Argument(help="another run or recording, filmed beside the first")] = None,
     speed: Annotated[float, typer.Option(help="times real time", min=0.02, max=20)] = 1.0,
     gif: Annotated[bool, typer.Option(help="also a GIF")] = True,

@@ -24,11 +24,7 @@ class ViewOptions(ViewerParameters):
 @options(ViewOptions)
 def view(given: Given) -> None:
     """Show a running graph in the browser: robot, stones, barriers, force and plots; the same as topics for RViz."""
-    become_viewer(given.build(ViewOptions))
-
-
-def become_viewer(chosen: ViewOptions) -> None:
-    """Hand this process over to the node."""
+    chosen = given.build(ViewOptions)
     with complaints(LaunchError):
         path = find_executable("rabbit_viewer", "viewer")
     os.environ.setdefault("OMP_NUM_THREADS", "1")

@@ -6,9 +6,10 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, TypeAdapter, ValidationError
 from rabbit_common.options import fault
 from rabbit_description.state import RobotState
+from rabbit_description.validation import Checked
 from rl_cbf_clf_controller.controller_output import ControllerOutput
 
-from rabbit_viewer.page import HOST, Checked
+from rabbit_viewer.page import HOST
 from rabbit_viewer.page.broadcast import Broadcast
 from rabbit_viewer.page.rows import RowMaker, packed
 from rabbit_viewer.page.server import PageServer, refused

@@ -1,14 +1,13 @@
 """Options of `rabbit view` and parameters of the node."""
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+from rabbit_description.validation import Checked
 
 from rabbit_viewer.page import HOST, PORT
 
 
-class ViewerParameters(BaseModel):
+class ViewerParameters(Checked):
     """Where and how the view is served."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     port: int = Field(PORT, ge=0, le=65535, description="port of the page; 0: any free one")
     host: str = Field(

@@ -6,7 +6,8 @@ A source tells a `broadcast` of a walk: `rows` of a tick's numbers, and words. `
 
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+from rabbit_description.validation import Checked
 
 HOST = "127.0.0.1"
 NAMES = (HOST, "localhost")  # of this machine, that a browser may ask for
@@ -15,12 +16,6 @@ PORT = 8765
 
 class PageError(RuntimeError):
     """The page cannot be served or written; one line that says why."""
-
-
-class Checked(BaseModel):
-    """Exactly these fields."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 class Explain(Checked):

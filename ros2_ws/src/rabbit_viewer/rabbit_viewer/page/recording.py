@@ -4,6 +4,7 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import closing, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -24,6 +25,46 @@ from rabbit_viewer.page.server import PageServer
 from rabbit_viewer.walk_pictures import records_of
 
 
+@dataclass
+class Recorded:
+    """One whole walk for the page: what it needs to draw the `rows` of the `walker`, and how that ended.
+
+    `explains`: its ticks can be explained.
+    """
+
+    title: str
+    tick_seconds: float
+    walker: dict[str, Any]
+    rows: list[list[float]]
+    ended: dict[str, Any]
+    stones: int | None = None
+    explains: bool = True
+
+    def tell(self, broadcast: Broadcast) -> None:
+        """Tell all of it."""
+        about = {name: getattr(self, name) for name in ("title", "tick_seconds", "stones")}
+        about |= {"explains": True} if self.explains else {}
+        broadcast.begin({"mode": "recording", **about, "walkers": [self.walker]})
+        broadcast.add(packed([number for row in self.rows for number in row]))
+        broadcast.say("ended", {"walkers": [self.ended]})
+
+
+def recorded(walk: WalkRecords, name: str) -> Recorded:
+    """A walk of RABBIT; `name`: where its records give none."""
+    about = walk.about
+    quantities = about.get("quantities", [f"quantity {i + 1}" for i in range(walk.nominal_b.shape[1])])
+    maker = RowMaker(about, quantities, walk.barrier_names)
+    outcome = str(about.get("outcome") or "not recorded to its end")
+    return Recorded(
+        title=str(about.get("title", name)),
+        tick_seconds=walk.tick_seconds,
+        walker=maker.about(str(about.get("controller", name))),
+        rows=[maker.row(tick, tick) for tick in ticks(walk)],
+        ended={"outcome": outcome, "stones": int(walk.touchdowns[-1])},
+        stones=about.get("stones"),
+    )
+
+
 def show_recording(source: Path, port: int, opens_browser: bool, export: Path | None, episode: int | None) -> None:
     """Serve a run's folder or a recording until Ctrl-C, or write it to the file `export`.
 
@@ -31,20 +72,22 @@ def show_recording(source: Path, port: int, opens_browser: bool, export: Path | 
         RecordsError, RecordingError: not readable, or no such episode in it.
         PageError: the port is taken, or the file cannot be written.
     """
-    broadcast = Broadcast()
     bag = source / RECORDING if exists(source / RECORDING) else source
-    has_ticks = not exists(bag / RECORDS)  # and not the arrays alone
-    fill(broadcast, records_of(source, episode), source.name, has_ticks and not export)
-    serve_or_write(broadcast, lambda tick: explain_tick(bag, tick, episode).lines(), port, opens_browser, export)
+    walk = recorded(records_of(source, episode), source.name)
+    walk.explains = not exists(bag / RECORDS)  # its ticks are there, and not the arrays alone
+    show(walk, lambda tick: explain_tick(bag, tick, episode).lines(), port, opens_browser, export)
 
 
-def serve_or_write(
-    broadcast: Broadcast, explain: Callable[[int], list[str]], port: int, opens_browser: bool, export: Path | None
+def show(
+    walk: Recorded, explain: Callable[[int], list[str]], port: int, opens_browser: bool, export: Path | None
 ) -> None:
-    """Serve what is told until Ctrl-C, or write it to the file `export`; raises `PageError`.
+    """Serve a walk until Ctrl-C, or write it to the file `export`; raises `PageError`.
 
     `explain` gives a tick in words.
     """
+    broadcast = Broadcast()
+    walk.explains &= not export
+    walk.tell(broadcast)
     if export:
         print(write_page(export, broadcast))
         return
@@ -76,33 +119,6 @@ class Explainer:
     def _explain(self, tick: int) -> None:
         lines = guarded(self._lines, lambda reason, _: [reason])(tick)
         self._broadcast.say("explained", {"walker": 0, "tick": tick, "lines": lines})
-
-
-def fill(broadcast: Broadcast, walk: WalkRecords, name: str, explains: bool = False) -> None:
-    """Tell all of a walk; `explains`: its ticks can be explained."""
-    maker = maker_of(walk)
-    about: dict[str, Any] = {
-        "mode": "recording",
-        "title": str(walk.about.get("title", name)),
-        "tick_seconds": walk.tick_seconds,
-    }
-    walker = maker.about(str(walk.about.get("controller", name)))
-    about |= {"explains": True} if explains else {}
-    broadcast.begin({**about, "stones": walk.about.get("stones"), "walkers": [walker]})
-    rows = [number for tick in ticks(walk) for number in maker.row(tick, tick)]
-    broadcast.add(packed(rows))
-    broadcast.say("ended", {"walkers": [ended_of(walk)]})
-
-
-def maker_of(walk: WalkRecords) -> RowMaker:
-    """What makes the rows of its ticks."""
-    quantities = walk.about.get("quantities", [f"quantity {i + 1}" for i in range(walk.nominal_b.shape[1])])
-    return RowMaker(walk.about, quantities, walk.barrier_names)
-
-
-def ended_of(walk: WalkRecords) -> dict[str, Any]:
-    """How it ended, and the stones walked."""
-    return {"outcome": str(walk.about.get("outcome") or "not recorded to its end"), "stones": int(walk.touchdowns[-1])}
 
 
 def ticks(walk: WalkRecords) -> list[Any]:

@@ -11,9 +11,8 @@ from rabbit_description.task import ControlTask, Line, Shape
 from rabbit_recording.task_recording import explain_ride
 from rl_trainer.task_episode import Moment, Ride
 
-from rabbit_viewer.page.broadcast import Broadcast
-from rabbit_viewer.page.recording import serve_or_write
-from rabbit_viewer.page.rows import EVENTS, packed
+from rabbit_viewer.page.recording import Recorded, show
+from rabbit_viewer.page.rows import EVENTS
 
 OF_A_ROW = ("margin", "active", "slack", "multiplier")  # of the QP
 COMMON = ("tick", "running", "events", "touchdowns")  # of all that the page shows
@@ -96,14 +95,12 @@ def numbers_of(shapes: Sequence[Shape], most: int | None = None) -> list[float]:
 
 def show_ride(ride: Ride, port: int, opens_browser: bool, export: Path | None) -> None:
     """Serve a ride until Ctrl-C, or write it to the file `export`; raises `PageError`."""
-    broadcast, task = Broadcast(), ride.task
-    rows = RideRows(task, max(len(numbers_of(pictured(task, m.x, m.p))) for m in ride.moments))
-    about = {"mode": "recording", "title": ride.title, "tick_seconds": task.seconds}
-    about |= {} if export else {"explains": True}
-    broadcast.begin({**about, "walkers": [rows.about(ride.controller, ride.title, ride.has_qp)]})
-    broadcast.add(packed([number for k, moment in enumerate(ride.moments) for number in rows.row(k, moment)]))
-    broadcast.say("ended", {"walkers": [ended_of(ride)]})
-    serve_or_write(broadcast, lambda tick: explain_ride(ride, tick).lines(), port, opens_browser, export)
+    task = ride.task
+    maker = RideRows(task, max(len(numbers_of(pictured(task, m.x, m.p))) for m in ride.moments))
+    rows = [maker.row(k, moment) for k, moment in enumerate(ride.moments)]
+    walker = maker.about(ride.controller, ride.title, ride.has_qp)
+    walk = Recorded(ride.title, task.seconds, walker, rows, ended_of(ride))
+    show(walk, lambda tick: explain_ride(ride, tick).lines(), port, opens_browser, export)
 
 
 def ended_of(ride: Ride) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from cbf_clf_qp.constraints import ResClf
 from rabbit_description.force_ratio import force_ratio, impact_ticks
 from rabbit_description.state import ACTUATED, JOINTS, TICK_SECONDS, Array, Leg
 
-from rabbit_viewer.geometry import STRAIGHT, Links, leg_points, links_of, torso_points
+from rabbit_viewer.geometry import leg_points, links_of, torso_points
 
 POINTS = ("hip", "head", "left_knee", "left_foot", "right_knee", "right_foot")
 FIXED = (
@@ -74,7 +74,8 @@ class RowMaker:
         What is too large to compute with is infinite or NaN. `true`: the errors (n,) of the nominal quantities at this
         tick, by the plant's own model. `estimated_*`, `measured_*` and `true_*` are the errors over the tick before.
         """
-        points = body_points(state.q, self._links)
+        q = state.q[None]
+        points = np.concatenate([torso_points(q)[0], *(leg_points(q, leg, self._links)[0, 1:] for leg in Leg)])
         foot = points[3 + 2 * output.stance]
         self._begin_step(state, output, float(foot[0]))
         force = state.foot_force[output.stance]
@@ -122,12 +123,6 @@ def packed(rows: Sequence[float]) -> bytes:
     """Rows of `NUMBER`; a number beyond float32 is infinite there, and is not drawn."""
     with np.errstate(over="ignore"):
         return np.asarray(rows, dtype=NUMBER).tobytes()
-
-
-def body_points(q: Array, links: Links = STRAIGHT) -> Array:
-    """`POINTS` (6, 2), m, of the robot at `q` (7,)."""
-    legs = [leg_points(q[None], leg, links)[0, 1:] for leg in Leg]
-    return np.concatenate([torso_points(q[None])[0], *legs])
 
 
 def clf_decay(about: Mapping[str, Any]) -> float:

@@ -4,8 +4,9 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, TypeAdapter
+from rabbit_description.validation import Checked
 
-from rabbit_viewer.page import Checked, Explain
+from rabbit_viewer.page import Explain
 from rabbit_viewer.play.settings import Number
 
 

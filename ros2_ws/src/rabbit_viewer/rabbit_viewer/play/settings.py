@@ -8,13 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, get_args
 
 from pydantic import BaseModel, Field, create_model
+from rabbit_description.validation import Checked
 from rabbit_sim.parameters import SimulationParameters, marked
 from rabbit_sim.perturbation import WHOLE_SUBSTEPS
 from rabbit_sim.plant import SUBSTEP_SECONDS
 from rl_cbf_clf_controller import kinds
 from rl_cbf_clf_controller.parameters import ControllerParameters, load_parameters
-
-from rabbit_viewer.page import Checked
 
 NOBODY, YOURS, RECORDED = "none", "yours", "recording"
 LEARNED_ROWS: dict[str, Any] = {"controller": "rl-cbf-clf-qp", "adaptation": "none"}

@@ -16,12 +16,12 @@ from rabbit_description.task import ControlTask, Given, TaskError
 from rabbit_description.task_simulation import TaskSimulation
 from rabbit_description.task_source import load_task
 from rabbit_description.user_code import fault_in_user_code
+from rabbit_description.validation import Checked
 from rabbit_recording.task_recording import explain_ride
 from rl_cbf_clf_controller.task_controller import TaskController
 from rl_trainer.rollout import Record
 from rl_trainer.task_episode import Ride, moment_of
 
-from rabbit_viewer.page import Checked
 from rabbit_viewer.page.ride import RideRows, ended_of, numbers_of, pictured
 from rabbit_viewer.play import playing
 from rabbit_viewer.play.messages import Asked, Choose, Push

@@ -20,7 +20,6 @@ from rabbit_common.ros.parameters import declare, refuse_unknown
 from rabbit_common.ros.qos import EVENT
 from rabbit_common.ros.simulator_follower import SimulatorFollower
 from rabbit_common.ros.spin import run, steady_timer
-from rabbit_common.ros.waiting_messages import WaitingMessages
 from rabbit_description.state import RobotState, StonePreview
 from rabbit_experiments.walk_records import drawn_parameters
 from rabbit_msgs import msg
@@ -50,9 +49,7 @@ class ViewerNode(SimulatorFollower):
         super().__init__("viewer")
         own = declare(self, ViewerParameters)
         refuse_unknown(self)
-        # first, since it takes the middleware up to 0.1 s to find the graph
-        self._waiting_messages = WaitingMessages(self, TICK_TOPICS)
-        self._ticks = NewestTicks()
+        self._ticks = NewestTicks(self)  # first, since it takes the middleware up to 0.1 s to find the graph
         self._page = GraphPage(own.port, own.control, own.host)
         self._page.page.announce(own.browser)
         self.failure = ""  # what ends the node
@@ -74,7 +71,7 @@ class ViewerNode(SimulatorFollower):
     def close(self) -> None:
         """Stop serving."""
         self._page.page.close()
-        self._waiting_messages.close()
+        self._ticks.close()
 
     # What comes in
 
@@ -123,7 +120,7 @@ class ViewerNode(SimulatorFollower):
         while not self._page.asked.empty():
             self._guarded("page", self._ask)(self._page.asked.get())
         topics = {name for name in TICK_TOPICS if name == "state" or self.count_publishers(name)}
-        new = self._ticks.take(self._waiting_messages.take(), topics)
+        new = self._ticks.take(topics)
         now = time.monotonic()
         until, wait = self._patience
         if not self._ticks.parts and not self._episode.stones:

@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field, create_model
+from pydantic import Field, create_model
 from rabbit_common.message_checks import Refused
 from rabbit_common.ros.conversions import check_episode, is_new_simulator
 from rabbit_common.ros.diagnostics import ERROR, OK, WARN, Diagnostics, Status
@@ -23,6 +23,7 @@ from rabbit_description.state import LAYOUT
 from rabbit_description.task import TaskError
 from rabbit_description.task_source import load_task
 from rabbit_description.task_state import layout_of
+from rabbit_description.validation import Checked
 from rabbit_msgs import msg
 from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.policy import ZeroPolicy
@@ -47,10 +48,8 @@ GIVE_UP_SECONDS = 2.0  # after an episode's end, for ticks that have not come
 ACTED = ("fault",)  # outcomes after which the last state has an answer too
 
 
-class NodeParameters(BaseModel):
+class NodeParameters(Checked):
     """Parameters of the node besides the training's."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     plan_episodes: bool = Field(True, description="publish the policy of each plan, for simulator and controller")
     policy: str = Field(
