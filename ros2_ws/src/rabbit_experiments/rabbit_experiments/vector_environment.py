@@ -172,8 +172,10 @@ class WalkingEnv(EpisodesEnv):
         return ended
 
     def _next_simulation(self, i: int, seed: int) -> Simulation:
+        own = self._batch.simulations[i]
         if self._again and not self.tick.walked[i] and self._rngs[i].random() < self._again:
-            return self._batch.simulations[i]
+            return own
+        own.close()  # an engine's memory is not given back otherwise
         return make_simulation(self._plant(seed), self._gait)
 
 
