@@ -1,6 +1,8 @@
 """A walk in a batch is the walk alone, to the bit: MuJoCo, controller, policy, sensors, tally, environment."""
 
+import gc
 import math
+import weakref
 from dataclasses import replace
 from itertools import product
 from typing import Any
@@ -214,6 +216,24 @@ def random_plant(parameters: SimulationParameters, seed: int) -> SimulationParam
         "link_bend": rng.uniform(-0.05, 0.05),
     }
     return parameters.model_copy(update=masses | {name: value for name, value in others.items() if rng.random() < 0.5})
+
+
+def test_an_environments_former_plants_are_freed() -> None:
+    """By their last reference, with no collection: an engine's memory is large."""
+    tuning = load_parameters("ours", controller="rl-cbf-clf-qp", qp_solver="daqp")
+    plant = SimulationParameters(plant="mujoco", stones=1)
+    env = VectorWalkingEnv(TrainingParameters(), tuning, plant, 2, random_plant)
+    env.reset(seed=5)
+    first = [weakref.ref(simulation.plant) for simulation in env._batch.simulations]
+    gc.collect()
+    gc.disable()
+    try:
+        rng = np.random.default_rng(0)
+        for _ in range(150):
+            env.step(rng.uniform(-0.2, 0.2, env.action_space.shape).astype(np.float32))
+        assert [plant() for plant in first] == [None, None]
+    finally:
+        gc.enable()
 
 
 def test_the_vector_environment_is_one_robot_row_by_row() -> None:
