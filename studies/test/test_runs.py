@@ -15,6 +15,7 @@ from rabbit_experiments.assembly import Assembly, resolve_policy
 from rabbit_experiments.cache import Cache, JobError
 from rabbit_experiments.engine import run
 from rabbit_experiments.evaluation import RecordedWalk, SeededRun, Walk, record_walk
+from rabbit_experiments.interrupts import ENDING, interrupts_held
 from rabbit_reproduce.controllers import CBF_CLF
 from rabbit_reproduce.feasibility import JudgedWalk
 from rabbit_sim.parameters import SimulationParameters
@@ -77,7 +78,7 @@ def test_a_job_without_a_result_leaves_the_others(tmp_path: Path, monkeypatch: p
     assert [Cache(tmp_path).get(job) is None for job in WANTED] == [True, False, False, False]
 
 
-@pytest.mark.parametrize("number", engine.ENDING)
+@pytest.mark.parametrize("number", ENDING)
 def test_a_signal_while_workers_start_is_heard_afterwards(number: int) -> None:
     """Also where another thread catches it, as that of the progress bar may."""
     said: list[str] = []
@@ -86,7 +87,7 @@ def test_a_signal_while_workers_start_is_heard_afterwards(number: int) -> None:
     other = threading.Thread(target=over.wait)
     other.start()
     try:
-        with engine._interrupts_held():
+        with interrupts_held():
             os.kill(os.getpid(), number)
             time.sleep(0.05)
             said.append("workers have started")

@@ -48,7 +48,7 @@ from untrained_policy import policy_file, policy_metadata
 
 TINY = TrainingParameters(problem=RL_CLF_QP, hidden1=3, hidden2=2, batch=2, capacity=10)
 BAD_RECORDING = (RecordingError, RecordsError)
-NAMES = ("policy", "model", "gait", "library", "course", "table of stones", "parameters", "recording", "database")
+NAMES = ("policy", "model", "gait", "library", "course", "table of stones", "parameters", "recording")
 NAMES += ("journal", "checkpoint", "records", "memory", "misses", "evaluation", "cached result")
 
 
