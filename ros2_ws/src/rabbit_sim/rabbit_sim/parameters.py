@@ -11,15 +11,7 @@ from rabbit_description.state import TICK_SECONDS
 from rabbit_description.tick import ABOUT_TICK, TickSeconds
 from rabbit_description.validation import Checked
 
-from rabbit_sim.perturbation import (
-    ENGINES_ALONE,
-    WHOLE_SUBSTEPS,
-    Control,
-    EngineNumber,
-    Number,
-    Perturbation,
-    setting,
-)
+from rabbit_sim.perturbation import ENGINES_ALONE, WHOLE_SUBSTEPS, Control, EngineNumber, Number, Perturbation, setting
 from rabbit_sim.perturbations import KINDS
 from rabbit_sim.plant import FARTHEST_EDGE, HIGHEST_TOP, SUBSTEP_SECONDS
 
