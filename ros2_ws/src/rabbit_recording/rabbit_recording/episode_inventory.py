@@ -42,9 +42,9 @@ class EpisodeInventory:
     """One episode.
 
     `first` and `last` recorded tick, None if there is none; `recorded`, `lost`: how many. Lost are those that are not
-    whole between these two, and up to the episode's end if that was announced. `begins`, `ends`: tick 0,
-    and the announcement of the end, are in the recording. `controller`: whose torques acted; `refused_controller`:
-    another one that answered too.
+    whole between these two, and up to the episode's end if that was announced. `begins`, `ends`: tick 0, and the
+    announcement of the end, are in the recording. `controller`: whose torques acted; `refused_controller`: another one
+    that answered too.
     """
 
     number: int
