@@ -149,10 +149,7 @@ def option_name(field: str) -> str:
 
 
 def options(
-    *models: type[BaseModel],
-    without: Collection[str] = (),
-    defaults: Defaults = Defaults(),
-    rare: Collection[str] = (),
+    *models: type[BaseModel], without: Collection[str] = (), defaults: Defaults = Defaults(), rare: Collection[str] = ()
 ) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Give a command the fields of `models` as options, `without` some; it is called with what was given.
 

@@ -24,7 +24,6 @@ OTHERS = ("preview", "landing", "episode", "timing")
 ENDED = 3  # phase in rabbit_msgs/Episode
 NEIGHBOURS = 2  # episodes back, of which messages may still come
 LEAST_TICK = 1e-6  # s
-BEGINNING_DIGITS = 3  # of the time of tick 0, in ticks: a stamp is rounded to ns
 MOST_CLAIMS = 8  # messages kept that claim to be one; more controllers are in no graph
 MOST_UNHEARD = 1000  # episodes between recorded ones; more are a damaged number
 UNANSWERED = ("silent", "fault", "reset")  # outcomes that may come before the controller's last answer
@@ -43,9 +42,9 @@ class EpisodeInventory:
     """One episode.
 
     `first` and `last` recorded tick, None if there is none; `recorded`, `lost`: how many. Lost are those that are not
-    whole between these two, and up to the episode's end if that was announced. `begins`, `ends`: tick 0,
-    and the announcement of the end, are in the recording. `controller`: whose torques acted; `refused_controller`:
-    another one that answered too.
+    whole between these two, and up to the episode's end if that was announced. `begins`, `ends`: tick 0, and the
+    announcement of the end, are in the recording. `controller`: whose torques acted; `refused_controller`: another one
+    that answered too.
     """
 
     number: int
@@ -69,7 +68,6 @@ class EpisodeInventory:
 
 ANNOUNCED = ("seed", "stones", "touchdowns", "outcome", "reason", "controller", "refused_controller")
 Ticks = dict[str, dict[int, StoredMessage]]  # by topic and tick
-Claims = dict[str, dict[int, list[StoredMessage]]]  # by topic and tick, what claims to be its message
 
 
 class Gathered:
@@ -82,13 +80,13 @@ class Gathered:
         self.landings: dict[int, Any] = {}
         self.announced: Any = None  # the newest announcement
         self._in_real_time = False
-        self._heard: dict[str, dict[tuple[int, int], list[StoredMessage]]]  # by topic; by tick and stamp, ns
-        self._heard = {name: {} for name in BY_TICK}
+        # by topic and tick, what claims to be its message
+        self._heard: dict[str, dict[int, list[StoredMessage]]] = {name: {} for name in BY_TICK}
 
     def add(self, message: StoredMessage) -> None:
         """Take in one; what comes again, byte by byte, counts once."""
         if message.topic in BY_TICK:
-            here = self._heard[message.topic].setdefault((message.turn[1], message.stamp), [])
+            here = self._heard[message.topic].setdefault(message.turn[1], [])
             if len(here) < MOST_CLAIMS and all(message.data != each.data for each in here):
                 here.append(message)
         elif message.topic == "timing":
@@ -109,33 +107,26 @@ class Gathered:
 
     @property
     def ticks(self) -> Ticks:
-        """Messages by topic and tick. All count from one beginning; what does not was not the graph's own."""
-        by_beginning: dict[float, Claims] = defaultdict(no_claims)
-        tick_nanoseconds = 1e9 * self._tick_seconds
-        for topic, found in self._heard.items():
-            for (tick, stamp), claims in found.items():
-                begin = round(stamp / tick_nanoseconds - tick, BEGINNING_DIGITS)
-                by_beginning[begin][topic].setdefault(tick, []).extend(claims)
-        most = max(by_beginning.values(), key=lambda found: sum(map(len, found.values())), default=no_claims())
-        own = {topic: {tick: self._own(claims) for tick, claims in found.items()} for topic, found in most.items()}
+        """Messages by topic and tick, of the simulator and the controller that walked."""
+        own = {
+            topic: {tick: self._own(topic, claims) for tick, claims in of.items()} for topic, of in self._heard.items()
+        }
         return {topic: {tick: each for tick, each in found.items() if each} for topic, found in own.items()}
+
+    def _own(self, topic: str, claims: list[StoredMessage]) -> StoredMessage | None:
+        """Of what claims to be one message, that of the simulator which announced the episode, or of the controller
+        whose torques acted; None: it is only another's."""
+        said, is_state = self.announced, topic in ("state", "parameters")
+        if said is None or (len(claims) == 1 and (is_state or not said.refused_controller)):
+            return claims[0]
+        who = said.sender if is_state else said.controller
+        return next((each for each in claims if each.decode().sender == who), None)
 
     @property
     def _tick_seconds(self) -> float:
         """As announced; where it cannot be, RABBIT's."""
         seconds = float(self.announced.tick_seconds) if self.announced else TICK_SECONDS
         return seconds if LEAST_TICK <= seconds < math.inf else TICK_SECONDS
-
-    def _own(self, claims: list[StoredMessage]) -> StoredMessage | None:
-        """Of what claims to be one message, that of the controller whose torques acted; None: it is only another's."""
-        said = self.announced
-        if (
-            said is None
-            or claims[0].topic in ("state", "parameters")
-            or (len(claims) == 1 and not said.refused_controller)
-        ):
-            return claims[0]
-        return next((each for each in claims if each.decode().sender == said.controller), None)
 
     @staticmethod
     def kinds(ticks: Ticks) -> dict[str, tuple[str, str]]:
@@ -172,11 +163,6 @@ class Gathered:
         if said is not None and said.outcome and not self._in_real_time and said.outcome not in UNANSWERED:
             end = max(end, said.tick)
         return end - begin - len(full)
-
-
-def no_claims() -> Claims:
-    """Of any topic."""
-    return {name: {} for name in BY_TICK}
 
 
 class Gathering:

@@ -4,22 +4,14 @@ import math
 from functools import cache
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
-from pydantic import BaseModel, Field, model_validator
+from pydantic import Field, model_validator
 from rabbit_description import ABOUT_TASK, DEFAULT_GAIT
 from rabbit_description.plugins import names
 from rabbit_description.state import TICK_SECONDS
 from rabbit_description.tick import ABOUT_TICK, TickSeconds
+from rabbit_description.validation import Checked
 
-from rabbit_sim.perturbation import (
-    CONFIG,
-    ENGINES_ALONE,
-    WHOLE_SUBSTEPS,
-    Control,
-    EngineNumber,
-    Number,
-    Perturbation,
-    setting,
-)
+from rabbit_sim.perturbation import ENGINES_ALONE, WHOLE_SUBSTEPS, Control, EngineNumber, Number, Perturbation, setting
 from rabbit_sim.perturbations import KINDS
 from rabbit_sim.plant import FARTHEST_EDGE, HIGHEST_TOP, SUBSTEP_SECONDS
 
@@ -32,10 +24,8 @@ else:
     Perturbed = type("Perturbed", KINDS[::-1], {"__module__": __name__})
 
 
-class Episode(BaseModel):
+class Episode(Checked):
     """Which plant, its course, its first state, and what ends an episode."""
-
-    model_config = CONFIG
 
     plant: PlantName = Field("pybullet", description="physics engine, or rigid: the paper's hybrid model")
 
@@ -131,10 +121,8 @@ def marked(mark: str) -> list[str]:
     return [name for name, field in SimulationParameters.model_fields.items() if mark in field.metadata]
 
 
-class PlayerParameters(BaseModel):
+class PlayerParameters(Checked):
     """Parameters of who plays episodes, besides the plant's: how many, their pace, and how long is waited for whom."""
-
-    model_config = CONFIG
 
     IS_SIMULATED: ClassVar[bool] = True  # a robot has drivers of its own for its sensors
 

@@ -12,13 +12,13 @@ from typing import Annotated, Any, ClassVar, Self
 from xml.etree.ElementTree import Element
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, Field
 from rabbit_description.state import Array, RobotState
+from rabbit_description.validation import Checked
 
 from rabbit_sim.plant import PlantReading
 
 Parameters = Any  # `SimulationParameters`, which is made of the perturbations
-CONFIG = ConfigDict(extra="forbid", frozen=True, defer_build=True)  # building takes time that --help has not
 NEARLY_ZERO = 1e-300  # smaller numbers are zero: a product with one leaves the range in which MuJoCo reads
 Number = Annotated[
     float, Field(allow_inf_nan=False), AfterValidator(lambda value: value if abs(value) >= NEARLY_ZERO else 0.0)
@@ -55,10 +55,8 @@ Memory = SimpleNamespace  # what a perturbation remembers of an episode, under n
 JointTorque = Callable[[Array, Array], Array]  # on the joints (4,), N m, of q and dq (7,)
 
 
-class Perturbation(BaseModel):
+class Perturbation(Checked):
     """See above. Of those that have the same hook, the one of the lower `order` acts first."""
-
-    model_config = CONFIG
 
     order: ClassVar[int] = 500
     acts_always: ClassVar[bool] = False  # also with its fields at their defaults

@@ -27,8 +27,7 @@ class PlayOptions(Checked):
     port: int = Field(PORT, ge=0, le=65535, description="port of the page, on this machine alone; 0: any free one")
     browser: bool = Field(True, description="open the page in a browser")
     export: Path | None = Field(
-        None,
-        description="HTML file of one walked episode, written without a page; or its film, FILE.mp4 and FILE.gif",
+        None, description="HTML file of one walked episode, written without a page; or its film, FILE.mp4 and FILE.gif"
     )
     learn: bool = Field(False, description="train next to the walk, and walk with each policy")
     policy: str | None = Field(None, description="policy of your robot: a shipped policy, a file, zero or oracle")

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from cbf_clf_qp.answer import Decided
 from cbf_clf_qp.estimates import Estimates
-from rabbit_description.state import TICK_SECONDS, RobotState
+from rabbit_description.state import TICK_SECONDS
 from rabbit_experiments.walk_records import CONTROLLERS
 from rabbit_recording.explaining import WORDS
 from rabbit_sim.simulation import Landing
-from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.explanation import number
 from rl_cbf_clf_controller.scene import Scene
+from rl_trainer.rollout import Record
 
 from rabbit_viewer.geometry import stands
 from rabbit_viewer.play.settings import NOBODY, RECORDED, YOURS, PlaySettings, Start
@@ -35,11 +35,9 @@ WHY = {"text": "Why did it fall?", "do": {"do": "explain"}}
 
 
 @dataclass(frozen=True)
-class Kept:
-    """What a tick was decided from, and what it decided."""
+class Kept(Record):
+    """A tick, what it was decided from, and what was decided."""
 
-    state: RobotState
-    output: ControllerOutput
     scene: Scene
     estimates: Estimates
     decided: Decided

@@ -19,7 +19,7 @@ from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.plant import PlantReading
 from rabbit_sim.simulation import Outcome
 from rl_cbf_clf_controller.controller_output import ControllerOutput
-from rl_cbf_clf_controller.explanation import Explanation, explain
+from rl_cbf_clf_controller.explanation import explain
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import Policy
 from rl_cbf_clf_controller.scene import ControllerError
@@ -31,7 +31,6 @@ from rabbit_viewer.play.settings import SHIPPED, SWAPPED_AT_ONCE, YOURS, Start, 
 from rabbit_viewer.play.story import Kept, title_of, why_it_fell
 
 CLEAR_HEIGHT = 0.01  # m, of a swing foot that is well in the air
-NOTHING = np.full(2, np.nan)
 NONE = Estimates.zero(1, JOINTS)  # before the oracle nobody has estimated
 RUNNING = 1  # column of a row
 KEPT_TICKS = 6_000  # a minute: a tick takes some 10 kB
@@ -95,12 +94,10 @@ class Walker:
         if not found or found[-1].output.tick != tick:
             first, last = (self._kept[i].output.tick if self._kept else 0 for i in (0, -1))
             raise ValueError(f"tick {tick} of {self.name}: expected one from {first} to {last}, which are kept")
-        *before, now = [(Record(kept.state, kept.output), self._explained(kept)) for kept in found]
-        seconds = self._assembly.simulation.tick_seconds
+        programme, seconds = self._controller.qp, self._assembly.simulation.tick_seconds
+        explained = [explain(programme, each.scene.x, each.scene.p, each.estimates, each.decided) for each in found]
+        *before, now = zip(found, explained, strict=True)
         return explained_tick(f"robot {self.name}", now, before[0] if before else None, tick_seconds=seconds).lines()
-
-    def _explained(self, kept: Kept) -> Explanation:
-        return explain(self._controller.qp, kept.scene.x, kept.scene.p, kept.estimates, kept.decided)
 
     def close(self) -> None:
         """Give back the plant."""
