@@ -7,6 +7,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
+import yaml
 from cbf_clf_qp import Clf, System
 from cbf_clf_qp.functions import NumpyFunction
 from planar_robot import PlanarPlant, dynamics_of
@@ -217,3 +218,21 @@ def test_a_failure_names_its_limit():
     ended = ride_of(TaskController(high), "oracle", 5)
     assert (ended.outcome, len(ended.moments)) == ("failed", 1)
     assert re.fullmatch(r"hip = 0\.9\d+: expected at least 2 m", ended.reason)
+
+
+def test_a_file_says_the_same_in_any_order_of_its_keys(tmp_path):
+    """As `yaml.safe_dump` sorts them, and backwards."""
+    (tmp_path / "amber_3m.urdf").write_bytes((EXAMPLES / "amber_3m.urdf").read_bytes())
+    said, walkers = yaml.safe_load((EXAMPLES / "amber_3m.yaml").read_text()), []
+    for keys in (list(said), sorted(said), sorted(said, reverse=True)):
+        written = {key: said[key] for key in keys}
+        written["outputs"] = {
+            name: said["outputs"][name] for name in sorted(said["outputs"], reverse=keys[0] > keys[1])
+        }
+        (tmp_path / "walker.yaml").write_text(yaml.safe_dump(written, sort_keys=False))
+        walkers.append(read_walker(tmp_path / "walker.yaml"))
+    first, *others = walkers
+    for other in others:
+        assert other.outputs == first.outputs
+        assert np.array_equal(other.path.coeffs, first.path.coeffs)
+        assert np.array_equal(other.angles.controlled, first.angles.controlled)
