@@ -14,6 +14,8 @@ import casadi as ca
 import numpy as np
 import pytest
 from cbf_clf_qp import Clf, System
+from cbf_clf_qp.affine import Affine
+from cbf_clf_qp.estimates import Estimates
 from own_cart import CART, LIMIT, POLE
 from rabbit_bringup.cli import app
 from rabbit_description.task import ControlTask, TaskError
@@ -26,6 +28,7 @@ from rabbit_recording.checking import check_episodes
 from rabbit_recording.contents import contents
 from rabbit_recording.task_recording import recorded_ride, write_ride
 from rabbit_viewer.page.ride import ended_of
+from rl_cbf_clf_controller.policy import LearnedPolicy
 from rl_cbf_clf_controller.task_controller import TaskController
 from rl_trainer.task_episode import ride_of
 from rl_trainer.task_training import measured_problem, train
@@ -312,3 +315,16 @@ def test_what_is_wrong_ends_a_command_with_one_line(cart, words, tmp_path, monke
     last = result.output.strip().splitlines()
     assert last[-1].startswith("rabbit: ")
     assert "Traceback" not in result.output
+
+
+def test_an_output_error_that_the_objective_needs_is_not_taken_for_zero(task):
+    class Unstructured(LearnedPolicy):
+        version = "unstructured"
+
+        def act(self, observation, LgV):
+            return Estimates(np.zeros((2, 1)), np.zeros(2))
+
+    needy = replace(task, objective=lambda terms: terms.output_error + Affine.identity(1))
+    with pytest.raises(ValueError, match="expected a structured policy"):
+        ride_of(TaskController(needy), Unstructured(), 1)
+    assert ride_of(TaskController(task), Unstructured(), 1).outcome == "done"

@@ -51,5 +51,11 @@ def started(walk: WalkSettings, name: str) -> Node:
     if not (name == "controller" and walk.options.is_foreign):
         return node(name, [walk.parameter_file])
     package, executable = walk.executable(name)
-    space, parameters = Argument("namespace"), [Argument("params_file")]
-    return Node(package=package, executable=executable, namespace=space, parameters=parameters, output="screen")
+    return Node(
+        package=package,
+        executable=executable,
+        namespace=Argument("namespace"),
+        parameters=[Argument("params_file")],
+        remappings=[("/clock", "clock")],
+        output="screen",
+    )

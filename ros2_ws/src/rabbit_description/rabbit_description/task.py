@@ -346,6 +346,10 @@ class ControlTask:
                 return limit.said(name, float(value))
         return f"impacts = {impacts}: expected {self.impacts} in {self.duration:g} s"
 
+    def keeps(self, outcome: str, margins: Array) -> bool:
+        """Whether an episode ended well, and no barrier's least value, of `margins`, was below its tolerance."""
+        return outcome == "done" and bool((margins >= -self.tolerance).all())
+
     def outcome(self, now: Moved, p: Array, ticks: int, impacts: int) -> str:
         """How an episode ends after so many ticks and impacts: failed, done, or not yet, which is empty."""
         is_beyond = not now.impacts and bool((self._limited(now.x, p, now.u).beyond > 0).any())

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
-from rabbit_description.state import Array, RobotState
+from rabbit_description.state import Array
 from rabbit_description.task import ControlTask
 from rabbit_description.task_simulation import TaskSimulations
 from rabbit_description.task_source import files_of, load_task
@@ -57,8 +57,8 @@ class TaskRide(Job):
     def do(self) -> RideRow:
         controller = controller_of(self.task, self.plant, self.stamps)
         ride = ride_of(controller, controller.controlling(self.controller), self.seed)
-        ended = {"outcome": ride.outcome, "reason": ride.reason, "is_kept": ride.is_kept, "impacts": ride.impacts}
-        return RideRow(seed=self.seed, ticks=len(ride.moments), margins=ride.margins.tolist(), **ended)
+        ended = ride.outcome, ride.reason
+        return row_of(ride.task, self.seed, len(ride.moments), ride.impacts, ended, ride.margins)
 
     @property
     def stamps(self) -> tuple[int, ...]:
@@ -94,7 +94,8 @@ def rides_together(controller: TaskController, name: str, seeds: Sequence[int]) 
         faults, go_on = output.faults | output.errors, np.ones(len(places), dtype=bool)
         for row, why in faults.items():
             place, go_on[row] = places[row], False
-            yield place, row_of(task, seeds[place], states[row], least[place], ("no answer", why), states[row].tick + 1)
+            ticks, impacts = states[row].tick + 1, states[row].touchdowns
+            yield place, row_of(task, seeds[place], ticks, impacts, ("no answer", why), least[place])
         places = kept_places(batch, systems, places, go_on)
         if not places.size:
             return
@@ -104,7 +105,7 @@ def rides_together(controller: TaskController, name: str, seeds: Sequence[int]) 
             place, state = places[row], states[row]
             after = task.tick.look(x_of(task, state), p_of(state)).barriers
             margins, verdict = np.minimum(least[place], after), systems.systems[row].verdict
-            yield place, row_of(task, seeds[place], state, margins, verdict, state.tick)
+            yield place, row_of(task, seeds[place], state.tick, state.touchdowns, verdict, margins)
         places = kept_places(batch, systems, places, go_on)
         states = [state for state, is_on in zip(states, go_on, strict=True) if is_on]
 
@@ -118,16 +119,12 @@ def kept_places(batch: TaskBatch, systems: TaskSimulations, places: Array, go_on
     return places[go_on]
 
 
-def row_of(
-    task: ControlTask, seed: int, last: RobotState, margins: Array, verdict: tuple[str, str], ticks: int
-) -> RideRow:
-    """What a ride leaves behind that has ended."""
+def row_of(task: ControlTask, seed: int, ticks: int, impacts: int, verdict: tuple[str, str], margins: Array) -> RideRow:
+    """What a ride leaves behind that has ended; `margins`: the least value of each barrier until then."""
     outcome, reason = verdict
-    is_done = outcome == "done"
-    is_kept = is_done and bool((margins >= -task.tolerance).all())
-    found = margins if is_done else np.full(margins.shape, -inf)
-    ended = {"outcome": outcome, "reason": reason, "is_kept": is_kept, "impacts": last.touchdowns}
-    return RideRow(seed=seed, ticks=ticks, margins=found.tolist(), **ended)
+    margins = margins if outcome == "done" else np.full(margins.shape, -inf)
+    ended = {"outcome": outcome, "reason": reason, "is_kept": task.keeps(outcome, margins), "impacts": impacts}
+    return RideRow(seed=seed, ticks=ticks, margins=margins.tolist(), **ended)
 
 
 @lru_cache(maxsize=1)

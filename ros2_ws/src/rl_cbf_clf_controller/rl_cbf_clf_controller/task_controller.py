@@ -87,9 +87,11 @@ class TaskBatch(BatchController):
         if isinstance(policy, TaskOracle):
             x, p = seen[:, self._one.functions.scene.places["x"][0]], self._given["parameters"]
             return policy.values_of_many(x, p).row
-        if isinstance(policy, ZeroPolicy | ActorPolicy):
+        if isinstance(policy, ZeroPolicy) or (isinstance(policy, ActorPolicy) and policy.is_structured):
             return super()._learned(policy, seen)
-        return self._take(policy.act_of_many(*(seen[:, place] for place in self._one.learned_from)))
+        estimates = policy.act_of_many(*(seen[:, place] for place in self._one.learned_from))
+        self._one.check_estimates(estimates)
+        return self._take(estimates)
 
     def _read(self, states: Any) -> None:
         given, states = self._given, [states] if isinstance(states, RobotState) else states

@@ -90,7 +90,7 @@ class Ride:
     @property
     def is_kept(self) -> bool:
         """Whether it ended well, and no barrier was below its tolerance."""
-        return self.outcome == "done" and bool((self.margins >= -self.task.tolerance).all())
+        return self.task.keeps(self.outcome, self.margins)
 
 
 def ride_of(controller: TaskController, controlling: Controlling, seed: int, sigma: float = 0.0) -> Ride:
