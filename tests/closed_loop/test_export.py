@@ -15,6 +15,7 @@ from rabbit_experiments.assembly import Assembly, exported_estimator, resolve_po
 from rabbit_sim.c_example import write_example
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.export import ExportError, export, export_ride
+from rl_cbf_clf_controller.kinds import NAMES
 from rl_cbf_clf_controller.parameters import load_parameters
 from rl_cbf_clf_controller.task_controller import TaskController
 from rl_trainer.rollout import Record, rollout
@@ -29,7 +30,10 @@ def walked_in_python_and_c(
     name: str, policy: str, folder: Path, daqp: Path | None = None, **plant: Any
 ) -> tuple[np.ndarray, np.ndarray, str]:
     """The torques of all ticks, and what the program says."""
-    parameters = load_parameters(name, "stones", qp_solver="daqp")
+    changes = {"controller": name} if name in NAMES else {}
+    parameters = load_parameters(
+        "ours" if changes else name, plant.get("terrain", "stones"), qp_solver="daqp", **changes
+    )
     robot = SimulationParameters(**{"plant": "mujoco", "mass_scale": 2.0, "stones": STONES, **plant})
     simulation, controller = Assembly(robot, parameters, resolve_policy(policy, parameters)).build()
     export(controller, folder, daqp, exported_estimator(robot))
@@ -48,6 +52,7 @@ def walked_in_python_and_c(
 THOROUGH = pytest.mark.thorough
 CASES = [
     ("ours", "zero", {"mass_scale": 1.0}),
+    ("l1-clf-qp", "zero", {"mass_scale": 1.2, "terrain": "flat"}),
     pytest.param("best", "zero", {}, marks=THOROUGH),
     pytest.param("ours", "rl-cbf-clf-qp", {}, marks=THOROUGH),
     pytest.param("best", "zero", {"sensors": "lab"}, marks=THOROUGH),
@@ -109,10 +114,10 @@ def test_a_call_says_what_is_wrong_and_a_tick_calls_nothing_that_waits(tmp_path:
 
 
 def test_what_is_python_is_refused(tmp_path: Path) -> None:
-    for changes in ({"controller": "l1-clf-qp"}, {"controller": "cbf-clf-qp", "qp_solver": "osqp"}):
-        parameters = load_parameters("ours", **{"qp_solver": "daqp", **changes})
-        controller = Assembly(SimulationParameters(terrain=parameters.terrain), parameters, "zero").make_controller()
-        with pytest.raises(ExportError, match="expected no estimator in Python"):
+    for policy, solver in (("oracle", "daqp"), ("zero", "osqp")):
+        parameters = load_parameters("ours", controller="cbf-clf-qp", qp_solver=solver)
+        controller = Assembly(SimulationParameters(), parameters, policy).make_controller()
+        with pytest.raises(ExportError, match="expected policy zero"):
             export(controller, tmp_path / "out")
         assert not (tmp_path / "out").exists()
 

@@ -20,7 +20,6 @@ from rl_cbf_clf_controller.controller_parts import ControllerParts
 from rl_cbf_clf_controller.policy import ActorPolicy, LearnedPolicy, Policy, ZeroPolicy
 from rl_cbf_clf_controller.rabbit_step import FARTHEST_STONE, HIGHEST_STONE, NEVER
 from rl_cbf_clf_controller.residual_policy import Memory, ResidualPolicy
-from rl_cbf_clf_controller.scene import Estimator
 from rl_cbf_clf_controller.step import DQ, Q
 from rl_cbf_clf_controller.step_rows import StepRows
 
@@ -42,7 +41,6 @@ class BatchController:
     def __init__(self, controller: ControllerParts, policies: Sequence[Policy]) -> None:
         n, tick = len(policies), controller.qp
         self._one, self.policies, self._n = controller, list(policies), n
-        self._estimators = [[each.another() for each in controller.estimators] for _ in policies]
         self._solvers = list[Any]([None] * n)  # those outside the function, once they are asked
         self._rngs = list[Any]([None] * n)
         self._none = Estimates.of_many([tick.no_error()])
@@ -94,14 +92,14 @@ class BatchController:
         self._rngs[i] = np.random.default_rng(seed)
         self._rows.memory[i] = self._one.first_memory()
         self._memory.forget(i)
-        for part in (self.policies[i], *self._estimators[i], self._solvers[i]):
+        for part in (self.policies[i], self._solvers[i]):
             if part:
                 part.reset()
 
     def keep(self, rows: Array) -> None:
         """Go on with some of the robots, by number."""
         memory, settings, reading = self._rows.memory[rows], self._rows.settings[rows], self._rows.reading[rows]
-        for name in ("policies", "_estimators", "_solvers", "_rngs"):
+        for name in ("policies", "_solvers", "_rngs"):
             setattr(self, name, [getattr(self, name)[i] for i in rows])
         self._memory.keep(rows)
         self._n = len(rows)
@@ -110,7 +108,7 @@ class BatchController:
 
     def step(self, states: "RobotStates | RobotState | Sequence[RobotState]") -> BatchOutput:
         """The torques for one tick; see `Controller.step`. Those of a state that is refused mean nothing."""
-        policy = None if self._estimators[0] else self._only_policy()
+        policy = self.only_policy()
         if policy is None:
             return self.decide(self.look(states))
         start, rows, n = perf_counter(), self._rows, self._n
@@ -137,7 +135,7 @@ class BatchController:
         total = self._total(learned, report)
         return BatchOutput(self._one, report, self.policies[:], omega, answered, errors, is_sound, total, learned)
 
-    def _only_policy(self) -> ZeroPolicy | ActorPolicy | None:
+    def only_policy(self) -> ZeroPolicy | ActorPolicy | None:
         """That of all robots, where it needs nothing but the observation and always gives an output error."""
         policy = self.policies[0]
         if type(policy) is ZeroPolicy or (type(policy) is ActorPolicy and policy.is_structured):
@@ -284,30 +282,28 @@ class BatchController:
         return rows.finish()
 
     def _estimated(self, scene: BatchScene, given: Estimates | None) -> tuple[list[Estimates], Estimates]:
-        """Of the policy, then of each other estimator; and in all."""
-        policy, n = self.policies[0], self._n
+        """Of the policy, and of the identified robot; and in all."""
+        policy = self.policies[0]
         adapted, nothing = identified(self._one, self._seen), estimates_of(self._one, self._nothing)
         if policy.comes_last or (given is None and isinstance(policy, ZeroPolicy)):
             given = nothing
         elif given is None and isinstance(policy, LearnedPolicy) and len(set(map(id, self.policies))) == 1:
             given = policy.act_of_many(scene.observation, scene.seen.LgV)
         elif given is None:
-            given = self._each(self.policies, scene, [self._one.qp.no_error()] * n)
+            given = self._asked(scene)
         parts, total = [given, *adapted], sum(adapted, self._none + given)
-        for estimators in zip(*self._estimators, strict=True):  # of all robots
-            parts.append(self._each(estimators, scene, total))
-            total = total + parts[-1]
         if isinstance(policy, ResidualPolicy):
             parts[0] = policy.of_many(self._memory, scene, total)
             total = total + parts[0]
         return parts, total
 
-    def _each(self, estimators: Sequence[Estimator], scene: BatchScene, before: Any) -> Estimates:
-        """Of one estimator of each robot; nothing, of a robot whose estimator refuses its scene."""
-        found = [self._one.qp.no_error()] * len(estimators)
-        for i, estimator in enumerate(estimators):
+    def _asked(self, scene: BatchScene) -> Estimates:
+        """Of the policy of each robot; nothing, of a robot whose policy refuses its scene."""
+        nothing = self._one.qp.no_error()
+        found = [nothing] * self._n
+        for i, policy in enumerate(self.policies):
             with refusing(scene.errors, i):
-                found[i] = estimator.estimate(scene[i], before[i])
+                found[i] = policy.estimate(scene[i], nothing)
         return Estimates.of_many(found)
 
     def _why_refused(self, state: RobotState, kind: int) -> str:

@@ -63,6 +63,9 @@ class BatchOutput:
         parts: list[Estimates] | None = None,
     ) -> None:
         self._one, self.report, self._policies, self.omega = one, report, policies, omega
+        if one.functions.compensation:
+            total = total.copy()
+            total[:, one.functions.estimates.places["beta"][0]] += self._part("compensation")
         self._answered, self.errors, self._total, self._learned, self._parts = answered, errors, total, learned, parts
         self.solvers = answered[0]
         self.torque = report[:, one.places["command"]]
@@ -121,10 +124,12 @@ class BatchOutput:
 
     @cached_property
     def parts(self) -> list[Estimates]:
-        """Estimates of the policy, of the identified robot, of the controller's own estimators."""
-        if self._parts:
-            return self._parts
-        return [estimates_of(self._one, self._learned), *identified(self._one, self.report)]
+        """Estimates of the policy, of the identified robot, of the controller's own adaptive law."""
+        one = self._one
+        parts = self._parts or [estimates_of(one, self._learned), *identified(one, self.report)]
+        if one.functions.compensation:
+            parts = [*parts, Estimates(np.zeros_like(parts[0].alpha), self._part("compensation"))]
+        return parts
 
     @cached_property
     def estimates(self) -> Estimates:

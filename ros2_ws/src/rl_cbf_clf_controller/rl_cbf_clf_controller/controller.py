@@ -20,7 +20,6 @@ from rl_cbf_clf_controller.batch_controller import BatchController
 from rl_cbf_clf_controller.batch_output import BatchOutput, BatchScene
 from rl_cbf_clf_controller.controller_output import Acted, ControllerOutput
 from rl_cbf_clf_controller.controller_parts import ControllerParts, Further, nothing_further, rabbit_parts
-from rl_cbf_clf_controller.kinds import find_kind
 from rl_cbf_clf_controller.network import NETWORK
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ActorPolicy, Policy, ZeroPolicy
@@ -67,8 +66,8 @@ class OneRobot(ControllerParts):
         """
         f, is_inside, policy = self.functions, self.solvers[0] == "daqp", self.robots.policies[0]
         after = (f.decide,) if is_inside else (f.data, f.finish)
-        seeing = (f.stand, f.see) if self.estimators else (f.look,)
-        is_one = is_inside and not self.estimators and type(policy) is ZeroPolicy
+        seeing = (f.look,) if self.robots.only_policy() else (f.stand, f.see)
+        is_one = is_inside and type(policy) is ZeroPolicy
         for function in (f.step,) if is_one else (*seeing, *after):
             function.compile(wait)
         if isinstance(policy, ActorPolicy):
@@ -125,8 +124,7 @@ class Controller(OneRobot):
         further: Further = nothing_further,
         urdf: str | None = None,
     ) -> None:
-        self._kind = find_kind(parameters.controller)
-        super().__init__(*rabbit_parts(parameters, gait, further, urdf), parameters, self._kind.estimators(parameters))
+        super().__init__(*rabbit_parts(parameters, gait, further, urdf), parameters)
         self._check(policy)
         self.name = parameters.controller
         self._start, self.shape, self.robots = gait.x_start, Shape.of(gait), BatchController(self, [policy])
@@ -145,9 +143,7 @@ class Controller(OneRobot):
     def parameters(self, new: ControllerParameters) -> None:
         names = type(new).model_fields
         changed = {name for name in names if getattr(new, name) != getattr(self._parameters, name)}
-        own = self._kind.estimators(new)  # they keep the gains that they were made with
-        dynamic = {*DYNAMIC}.difference(GAINS if own else ())
-        if fixed := changed - dynamic:
+        if fixed := changed.difference(DYNAMIC):
             raise ControllerError(f"{', '.join(sorted(fixed))}: expected no change, which needs a new controller")
         self._parameters = new
         self.robots.set_parameters(new, bool(changed.intersection(GAINS)))

@@ -1,4 +1,4 @@
-"""What one controller is made of, however many robots it walks: its QP, its functions, its estimators."""
+"""What one controller is made of, however many robots it walks: its QP, its functions."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -16,7 +16,7 @@ from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.rabbit_step import RabbitStep
 from rl_cbf_clf_controller.recipes import barriers_of, make_tick
 from rl_cbf_clf_controller.robot_numbers import read_robot
-from rl_cbf_clf_controller.scene import ControllerError, Estimator
+from rl_cbf_clf_controller.scene import ControllerError
 from rl_cbf_clf_controller.step import StepFunctions
 from rl_cbf_clf_controller.step_paths import Shape
 from rl_cbf_clf_controller.uncertainty import STATE_OBSERVATION
@@ -41,7 +41,6 @@ class ControllerParts:
         barrier_names: of all that `seen` has barriers of.
         observed: how many observations there are.
         parameters: with `objective`, `adaptation`, `qp_solver`, `sigma`, and `functions.settings` by their names.
-        estimators: those outside the function.
     """
 
     def __init__(
@@ -51,10 +50,9 @@ class ControllerParts:
         barrier_names: Sequence[str],
         observed: int,
         parameters: Any,
-        estimators: Sequence[Estimator] = (),
     ) -> None:
         self.qp, self.functions, self.barrier_names = tick, functions, tuple(barrier_names)
-        self.observed, self.estimators, self._parameters = observed, estimators, parameters
+        self.observed, self._parameters = observed, parameters
         self.model_error = model_error(tick.terms)
         self.places = {name: place for name, (place, _) in functions.report.places.items()}
         self.output_places = at = OutputPlaces(self)

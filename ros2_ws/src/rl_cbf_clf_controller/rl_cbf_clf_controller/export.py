@@ -178,10 +178,10 @@ def export(
     policy, f = controller.robots.policies[0], controller.functions
     needs_structure = controller.qp.needs_output_error
     is_actor = isinstance(policy, ActorPolicy) and (policy.is_structured or not needs_structure)
-    if controller.estimators or not (is_actor or type(policy) is ZeroPolicy) or controller.solvers[0] != "daqp":
+    if not (is_actor or type(policy) is ZeroPolicy) or controller.solvers[0] != "daqp":
         raise ExportError(
             f"controller {controller.name}, policy {policy.version}, solver {controller.solvers[0]}: "
-            "expected no estimator in Python, policy zero or a structured one, daqp"
+            "expected policy zero or a structured one, daqp"
         )
     functions = [f.step]
     if isinstance(policy, ActorPolicy):

@@ -16,9 +16,9 @@ from rl_cbf_clf_controller.problem import Problem
 
 if TYPE_CHECKING:  # a help text lists controllers, and computes nothing
     from cbf_clf_qp.affine import Affine
+    from cbf_clf_qp.functions import NumpyFunction
     from cbf_clf_qp.quantity import Constrained, Terms
 
-    from rl_cbf_clf_controller.scene import Estimator
     from rl_cbf_clf_controller.walking import Walking
 
 GROUP = "rabbit.controllers"
@@ -34,14 +34,13 @@ class Kind:
     """What distinguishes one controller from another. The functions get the `ControllerParameters`.
 
     `quantities`: of RABBIT's symbols; `corners`: further errors at which every row holds; `terrain`: what it
-    walks on; `estimators`: its own, besides the policy and the adaptation that the parameters choose; `learns`: a
-    policy belongs to it.
+    walks on; `compensation`: an adaptive law of its own, see `l1_adaptation.py`; `learns`: a policy belongs to it.
     """
 
     problem: Problem
     quantities: "Callable[[Walking, Any], Sequence[Constrained]]"
     terrain: Literal["flat", "stones"] = "flat"
-    estimators: "Callable[[Any], tuple[Estimator, ...]]" = lambda parameters: ()
+    compensation: "Callable[[Any], NumpyFunction] | None" = None
     corners: "Callable[[Walking, Any], Callable[[Terms], list[Affine]]] | None" = None
     learns: bool = False
 

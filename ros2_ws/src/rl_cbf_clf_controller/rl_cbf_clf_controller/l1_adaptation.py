@@ -25,101 +25,96 @@ import casadi as ca
 import numpy as np
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.constraints import ResClf
-from cbf_clf_qp.estimates import Estimates
-from rabbit_description.state import JOINTS, Array
-from scipy.linalg import expm
+from cbf_clf_qp.functions import Layout, NumpyFunction, is_finite, row_major
+from rabbit_description.state import JOINTS
 
 from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_cbf_clf_controller.scene import Estimator, Scene
+from rl_cbf_clf_controller.policy import row_by_row
+from rl_cbf_clf_controller.step import symbols
 
-DY, ESTIMATE, FILTERED = 1, 2, 3  # rows of the state: predictor's error in y and y-dot, estimate, filtered estimate
-STATES = 1 + FILTERED
-
-
-class L1Adaptation(Estimator):
-    """The adaptation's memory for m outputs of relative degree 2; `estimate` is called once a tick."""
-
-    def __init__(self, parameters: ControllerParameters, m: int = JOINTS) -> None:
-        p, self._outputs = parameters, m
-        clf = ResClf(m, p.eps, (p.kp, p.kd))
-        self._F, self._G, P, K = (ca.DM(matrix).full() for matrix in (clf.F, clf.G, clf.P, clf.K))
-        self._law, self._gain, self._cutoff = p.l1_law, p.l1_gain, p.l1_cutoff
-        self._bounds = p.l1_slope_bound, p.l1_offset_bound
-        self._tick_seconds = p.tick_seconds
-        self._substeps, self._h = p.l1_substeps, p.tick_seconds / p.l1_substeps
-        self._closed = (self._F + self._G @ K)[::m, ::m]  # the same 2x2 for every output
-        self._s = (self._G.T @ P)[0, ::m]
-        self.reset()
-
-    def reset(self) -> None:
-        """Forget all: no error, no estimate."""
-        m = self._outputs
-        self.slope, self.offset = np.zeros(m), np.zeros(m)
-        self._state = np.zeros((STATES, m))
-        self._eta = np.zeros(2 * m)  # of the last tick
-        self._belief: Affine | None = None
-
-    @property
-    def model_error(self) -> Array:
-        """The estimated one (m,), rad/s^2, before the filter."""
-        return self._state[ESTIMATE].copy()
-
-    def estimate(self, scene: Scene, before: Estimates) -> Estimates:
-        """A part of the input [approach1_input]: the outputs get the compensation through the policy's part."""
-        whole = np.eye(self._outputs) + before.alpha
-        y_ddot = scene.output_dynamics
-        inverse = np.linalg.inv(whole)
-        belief = Affine(inverse @ y_ddot.a, inverse @ (y_ddot.b - before.beta))
-        compensation = self.compensation(scene.seen.eta, belief, scene.torque)
-        return Estimates(np.zeros((self._outputs, self._outputs)), whole @ compensation)
-
-    def compensation(self, eta: Array, belief: Affine, torque: Array) -> Array:
-        """mu_2 (m,), rad/s^2, at `eta` (2m,), after a tick under `torque` (m,), NaN where the step is new.
-
-        `belief` is the nominal y-ddot at this state, affine in the torque. Where the step is new, eta has jumped: the
-        predictor starts at it, and the estimate stays.
-        """
-        if self._belief is None or np.isnan(torque).any():
-            self._state[:ESTIMATE] = 0.0
-        else:
-            mu = (self._belief(torque) + belief(torque)) / 2  # a held torque is no held mu
-            rate = self._F @ (self._eta + eta) / 2 + self._G @ mu
-            self._adapt((rate - (eta - self._eta) / self._tick_seconds).reshape(2, -1), float(np.linalg.norm(mu)))
-        self._eta, self._belief = eta, belief
-        return -self._state[FILTERED]
-
-    def _adapt(self, defect: Array, size: float) -> None:
-        if self._law == "piecewise":
-            self.offset = into_ball(-defect[1], self._bounds[1])
-            decay = np.exp(-self._cutoff * self._tick_seconds)
-            self._state[ESTIMATE] = self.offset
-            self._state[FILTERED] = decay * self._state[FILTERED] + (1 - decay) * self.offset
-            return
-        step = self._step(size)
-        self._state[ESTIMATE] = self.slope * size + self.offset
-        for _ in range(self._substeps):
-            self._state = step @ np.vstack([self._state, defect])
-            share = (self._state[ESTIMATE] - self.slope * size - self.offset) / (1 + size**2)
-            self.slope = into_ball(self.slope + size * share, self._bounds[0])  # as their rates share the change
-            self.offset = into_ball(self.offset + share, self._bounds[1])
-            self._state[ESTIMATE] = self.slope * size + self.offset
-
-    def _step(self, size: float) -> Array:
-        """(4, 6): the state after a sub-step; d/dt (state, defect) is linear in them, the same for every output."""
-        rates = np.zeros((STATES + 2, STATES + 2))
-        rates[:2, :2], rates[:2, STATES:] = self._closed, np.eye(2)
-        rates[DY, ESTIMATE] = 1.0
-        rates[ESTIMATE, :2] = -self._gain * (1 + size**2) * self._s
-        rates[FILTERED, ESTIMATE], rates[FILTERED, FILTERED] = self._cutoff, -self._cutoff
-        if self._law == "exact":
-            return expm(rates * self._h)[:STATES]
-        step = np.eye(STATES + 2) + rates * self._h
-        step[FILTERED, FILTERED] = np.exp(-self._cutoff * self._h)  # the filter is no part of what Euler may spoil
-        step[FILTERED, ESTIMATE] = 1 - step[FILTERED, FILTERED]
-        return step[:STATES]
+STATES = 4  # rows of the state: the predictor's error in y and y-dot, the estimate, the filtered estimate
+DY, ESTIMATE, FILTERED = range(1, STATES)
+DOUBLINGS = 50  # of a time so short that a polynomial gives the exponential
 
 
-def into_ball(value: Array, radius: float) -> Array:
+def l1_memory(m: int = JOINTS) -> Layout:
+    """What a tick leaves to the next one, of m outputs: all zero at first. `belief`: the nominal y-ddot."""
+    return Layout({"slope": m, "offset": m, "state": STATES * m, "last_eta": 2 * m, "belief": m * (m + 1)})
+
+
+def l1_adaptation(p: ControllerParameters, m: int = JOINTS) -> NumpyFunction:
+    """`compensation` (m,), a part of beta, and the row `adaptive`, see `l1_memory`, of what is seen and estimated.
+
+    With a policy's input [approach1_input] it believes in y-ddot = (I + alpha)^-1 (a u + b - beta), and mu_2 adds
+    (I + alpha) mu_2 to beta. `torque` (m,), of the last tick, is not finite where the step is new: there eta has
+    jumped, the predictor starts at it, and the estimate stays.
+    """
+    layout = l1_memory(m)
+    s = symbols({"eps": 1, "eta": 2 * m, "torque": m, "adaptive": layout.size, "beta": m})
+    s |= {"outputs_a": ca.SX.sym("outputs_a", m, m), "outputs_b": ca.SX.sym("outputs_b", m)}
+    s["alpha"], was = ca.SX.sym("alpha", m, m), layout.parts(s["adaptive"])
+    whole, clf = ca.SX.eye(m) + s["alpha"], ResClf(m, s["eps"], (p.kp, p.kd))
+    belief = Affine(ca.solve(whole, s["outputs_a"]), ca.solve(whole, s["outputs_b"] - s["beta"]))
+    last = row_by_row(was["belief"], m + 1)
+    mu = (Affine(last[:, :m], last[:, m])(s["torque"]) + belief(s["torque"])) / 2  # a held torque is no held mu
+    rate = clf.F @ (was["last_eta"] + s["eta"]) / 2 + clf.G @ mu
+    defect = row_by_row(rate - (s["eta"] - was["last_eta"]) / p.tick_seconds, m)
+    state = row_by_row(was["state"], m)
+    adapted = adapt(p, clf, (was["slope"], was["offset"], state), defect, ca.norm_2(mu))
+    goes_on, anew = is_finite(s["torque"]), ca.vertcat(ca.SX.zeros(ESTIMATE, m), state[ESTIMATE:, :])
+    slope, offset, state = (
+        ca.if_else(goes_on, now, before)
+        for now, before in zip(adapted, (was["slope"], was["offset"], anew), strict=True)
+    )
+    left = {"slope": slope, "offset": offset, "state": row_major(state), "last_eta": s["eta"]}
+    left["belief"] = row_major(ca.horzcat(belief.a, belief.b))
+    found = {"adaptive": layout.joined(left), "compensation": -whole @ state[FILTERED, :].T}
+    return NumpyFunction.of("l1_adaptation", s, found)
+
+
+def adapt(p: ControllerParameters, clf: ResClf, before: tuple[ca.SX, ...], defect: ca.SX, size: ca.SX) -> list[ca.SX]:
+    """Slope (m,), offset (m,) and state (4, m) after a tick; `size`: |mu|, `defect` (2, m)."""
+    slope, offset, state = before
+    if p.l1_law == "piecewise":
+        offset, decay = into_ball(-defect[1, :].T, p.l1_offset_bound), np.exp(-p.l1_cutoff * p.tick_seconds)
+        filtered = decay * state[FILTERED, :] + (1 - decay) * offset.T
+        return [slope, offset, ca.vertcat(state[:ESTIMATE, :], offset.T, filtered)]
+    step = sub_step(p, clf, size)
+    for _ in range(p.l1_substeps):
+        estimate = slope * size + offset
+        state = step @ ca.vertcat(state[:ESTIMATE, :], estimate.T, state[FILTERED, :], defect)
+        share = (state[ESTIMATE, :].T - estimate) / (1 + size**2)
+        slope = into_ball(slope + size * share, p.l1_slope_bound)  # as their rates share the change
+        offset = into_ball(offset + share, p.l1_offset_bound)
+    return [slope, offset, ca.vertcat(state[:ESTIMATE, :], (slope * size + offset).T, state[FILTERED, :])]
+
+
+def sub_step(p: ControllerParameters, clf: ResClf, size: ca.SX) -> ca.SX:
+    """(4, 6): the state after a sub-step; d/dt (state, defect) is linear in them, the same for every output."""
+    m, seconds = clf.G.shape[1], p.tick_seconds / p.l1_substeps
+    rates = ca.SX.zeros(STATES + 2, STATES + 2)
+    rates[:2, :2], rates[:2, STATES:] = (clf.F + clf.G @ clf.K)[::m, ::m], ca.SX.eye(2)
+    rates[DY, ESTIMATE] = 1.0
+    rates[ESTIMATE, :2] = -p.l1_gain * (1 + size**2) * (clf.G.T @ clf.P)[0, ::m]
+    rates[FILTERED, ESTIMATE], rates[FILTERED, FILTERED] = p.l1_cutoff, -p.l1_cutoff
+    if p.l1_law == "exact":
+        return exponential(rates * seconds)[:STATES, :]
+    step = ca.SX.eye(STATES + 2) + rates * seconds
+    decay = np.exp(-p.l1_cutoff * seconds)  # the filter is no part of what Euler may spoil
+    step[FILTERED, FILTERED], step[FILTERED, ESTIMATE] = decay, 1 - decay
+    return step[:STATES, :]
+
+
+def exponential(matrix: ca.SX) -> ca.SX:
+    """e^A: the Taylor polynomial of e^(A/2^k) - I, doubled k times, which loses nothing of a small A."""
+    part = matrix / 2.0**DOUBLINGS
+    change = part @ (ca.SX.eye(matrix.shape[0]) + part / 2)
+    for _ in range(DOUBLINGS):
+        change = 2 * change + change @ change
+    return ca.SX.eye(matrix.shape[0]) + change
+
+
+def into_ball(value: ca.SX, radius: float) -> ca.SX:
     """The point of the ball of `radius` about 0 that is nearest to `value` (m,)."""
-    size = float(np.linalg.norm(value))
-    return value if size <= radius else value * (radius / size)
+    size = ca.norm_2(value)
+    return ca.if_else(size <= radius, value, value * (radius / size))

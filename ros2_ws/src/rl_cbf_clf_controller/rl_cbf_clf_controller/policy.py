@@ -13,7 +13,7 @@ stone in whose middle the gait's own step ends, and of its estimates those of V 
 all that a controller without barriers and force rows has a use for.
 """
 
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from typing import Any, ClassVar
 
 import casadi as ca
@@ -25,22 +25,29 @@ from rabbit_description.state import Array
 
 from rl_cbf_clf_controller.network import Actor
 from rl_cbf_clf_controller.problem import Problem
-from rl_cbf_clf_controller.scene import Estimator, Scene
+from rl_cbf_clf_controller.scene import Scene
 from rl_cbf_clf_controller.weights import PolicyFile
 
 STONE_WIDTH = 0.05  # m, of the stones that the paper trains on
 
 
-class Policy(Estimator):
-    """An estimator that has a `version`, which is echoed with every torque.
+class Policy(ABC):
+    """Learned, an oracle's, yours; its `version` is echoed with every torque.
 
-    `adaptation` names the one that its estimates add to; None: they fit any. `comes_last`: it is asked after the other
-    estimators, with their estimates, and not before them.
+    `adaptation` names the one that its estimates add to; None: they fit any. `comes_last`: it is asked with the
+    estimates of the identified robot.
     """
 
     version: str
     adaptation: str | None = None
     comes_last: ClassVar[bool] = False
+
+    @abstractmethod
+    def estimate(self, scene: Scene, before: Estimates) -> Estimates:
+        """Alpha and beta of every quantity, to be added to those `before`; called once a tick."""
+
+    def reset(self) -> None:  # noqa: B027  most keep nothing
+        """Begin an episode: forget what the last one taught."""
 
 
 class LearnedPolicy(Policy):

@@ -16,6 +16,7 @@ from rabbit_description.state import DOF, FEET, JOINTS, SWAP_STATE, SWAP_TORQUE,
 from rl_cbf_clf_controller.identification import LATE_TORQUE, window
 from rl_cbf_clf_controller.identified_robot import after_tick, first_known
 from rl_cbf_clf_controller.joint_calibration import OFFSETS
+from rl_cbf_clf_controller.kinds import find_kind
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.robot_numbers import Feet, RobotNumbers
 from rl_cbf_clf_controller.state_prediction import prediction_function
@@ -123,6 +124,9 @@ class RabbitStep(StepFunctions):
         steps |= {"moved": 2, "carries": 1, "has_begun": 1}
         known = sum(place.stop - place.start for place, _ in self.known.values())
         sizes = {"stance": 1, "index": 1, "start": 1, "seconds": 1, **steps, "stone": 3, "eps": 1, "last_tick": 1}
+        make = find_kind(parameters.controller).compensation
+        self.compensation = make(parameters) if make else None
+        sizes |= {"adaptive": self.compensation.function.numel_in("adaptive")} if self.compensation else {}
         memory = Layout(sizes | {"left": left, "known": known, "torque": JOINTS, "held": JOINTS})
         self.declare(tick, answering, memory, Layout(READING), Layout(dict.fromkeys(SETTINGS, 1)))
         self.stand = self._stand()
@@ -186,7 +190,8 @@ class RabbitStep(StepFunctions):
         seen_row = self.seen.function(x, row, begun["path"], stood["torque"], before)
         seen = Layout.of(self.seen).parts(seen_row)
         kept = {**begun, **tracked, "eps": gains["eps"], "last_tick": reading["tick"], "left": seen["leaves"]}
-        kept |= {name: stood[name] for name in ("stance", "index", "start", "seconds")} | {"known": memory["known"]}
+        kept |= {name: stood[name] for name in ("stance", "index", "start", "seconds")}
+        kept |= {name: memory[name] for name in ("known", "adaptive") if name in memory}
         scene = {"seen": seen_row, "x": x} | {name: stood[name] for name in ("force", "torque", "stance", "index")}
         scene |= {name: reading[name] for name in ("tick", "touchdowns")}
         scene |= {"refused": stood["refused"], "step_time": (reading["tick"] - stood["start"]) * p.tick_seconds}

@@ -14,7 +14,7 @@ from rabbit_description.state import TICK_SECONDS
 
 from rl_cbf_clf_controller.contact_force import contact_force, force_rows
 from rl_cbf_clf_controller.kinds import Kind, find_kind
-from rl_cbf_clf_controller.l1_adaptation import L1Adaptation
+from rl_cbf_clf_controller.l1_adaptation import l1_adaptation
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.stone_barriers import stone_barriers
 from rl_cbf_clf_controller.uncertainty import IO_RL_CLF_QP, RL_CBF_CLF_QP, RL_CLF_QP
@@ -82,7 +82,7 @@ def nominal_force(w: Walking, p: Parameters) -> Constraint:
 
 CLF = Kind(RL_CLF_QP, flat)
 RL_CLF = Kind(RL_CLF_QP, flat, learns=True)
-L1_CLF = Kind(IO_RL_CLF_QP, outputs, estimators=lambda p: (L1Adaptation(p),))
+L1_CLF = Kind(IO_RL_CLF_QP, outputs, compensation=l1_adaptation)
 IO_RL_CLF = Kind(IO_RL_CLF_QP, outputs, learns=True)
 CBF_CLF = Kind(RL_CBF_CLF_QP, stones, "stones")
 RL_CBF_CLF = Kind(RL_CBF_CLF_QP, stones, "stones", learns=True)

@@ -57,7 +57,7 @@ class Memory:
 
 
 class ResidualPolicy(Policy):
-    """A policy that is asked after all other estimators, and moves the objective's centre."""
+    """A policy that is asked after the identified robot, and moves the objective's centre."""
 
     adaptation = "identification"
     comes_last = True
@@ -71,7 +71,7 @@ class ResidualPolicy(Policy):
         """The residuals over `SCALE`, (N, JOINTS) in [-1, 1], of what is read of N robots, (N, READS)."""
 
     def estimate(self, scene: Scene, before: Estimates) -> Estimates:
-        """At a tick of one robot; `before`: of all other estimators."""
+        """At a tick of one robot; `before`: of the identified robot."""
         return self.of_many(self._memory, of_one(scene), Estimates.of_many([before]))[0]
 
     def of_many(self, memory: Memory, scene: Scene, before: Estimates) -> Estimates:

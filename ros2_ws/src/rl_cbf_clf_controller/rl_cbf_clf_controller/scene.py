@@ -1,10 +1,8 @@
 """What says how wrong the nominal quantities are, and what it reads of a tick: state, nominal model, sensors."""
 
 import math
-from abc import ABC, abstractmethod
-from copy import copy
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any
 
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.estimates import Estimates
@@ -66,24 +64,6 @@ class Scene:
         other[: robot.size] = robot
         found = self.model_error(self.x, self.p, other)
         return Estimates(found.alpha, found.beta, found.output_error)
-
-
-class Estimator(ABC):
-    """A policy, an oracle, an adaptation; the estimates of all of a controller are added."""
-
-    @abstractmethod
-    def estimate(self, scene: Scene, before: Estimates) -> Estimates:
-        """Alpha and beta of every quantity, to be added to those of the estimators `before`; called once a tick."""
-
-    def another(self) -> Self:
-        """One for another robot in the same thread: the same functions, nothing learned. Of one with parts that learn,
-        these must be others too."""
-        other = copy(self)
-        other.reset()
-        return other
-
-    def reset(self) -> None:  # noqa: B027  most keep nothing
-        """Begin an episode: forget what the last one taught."""
 
 
 def is_finite(values: Array) -> bool:

@@ -89,6 +89,7 @@ class StepFunctions:
     kept: Layout
     gaits: Array
     identifies = False
+    compensation: NumpyFunction | None = None  # of what is seen and estimated, see `l1_adaptation.py`
 
     def first(self, parameters: Any) -> Array:
         """The memory with which an episode begins."""
@@ -122,18 +123,26 @@ class StepFunctions:
         scene = self.scene.parts(scene_row)
         estimates = ca.MX.sym("estimates", self.estimates.size)
         prepared = Layout.of(self.seen).parts(scene["seen"])["prepared"]
-        given = {**self.estimates.parts(estimates), "prepared": prepared}
-        data = made("data", {"scene": scene_row, "estimates": estimates}, call(self.programme, given))
+        known, compensation = self.estimates.parts(estimates), dict[str, ca.MX]()
+        if self.compensation:
+            seen, kept = Layout.of(self.seen).parts(scene["seen"]), self.kept.parts(scene["kept"])
+            compensation = call(self.compensation, {**seen, **kept, **known, "torque": scene["torque"]})
+            known["beta"] += compensation["compensation"]
+        rows = call(self.programme, {**known, "prepared": prepared}) | compensation
+        data = made("data", {"scene": scene_row, "estimates": estimates}, rows)
         data_row, (x, y) = (
             ca.MX.sym("data", data.row.size),
             (ca.MX.sym(n, self.answer.function.numel_in(n)) for n in "xy"),
         )
-        answer_row = self.answer.function(data_row, x, y)
+        compensation = {name: data_row[data.places[name][0]] for name in compensation}
+        answer_row = self.answer.function(data_row[: self.programme.row.size], x, y)
         answer = Layout.of(self.answer).parts(answer_row)
         acts = act_function(self.reading.sizes["noise"], swapped)
         acted = call(acts, {**settings, **reading, **scene, **answer, "tolerance": tolerance})
         memory = {**self.kept.parts(scene["kept"]), "torque": acted["stance_torque"], "held": acted["command"]}
+        memory |= compensation
         report = {"memory": self.memory.joined(memory), **acted, "answer": answer_row}
+        report |= {name: compensation[name] for name in compensation if name != "adaptive"}
         given = {"reading": self._rows["reading"], "settings": self._rows["settings"], "scene": scene_row}
         finish = made("finish", {**given, "data": data_row, "x": x, "y": y, "tolerance": tolerance}, report)
         programme = data.function(scene_row, estimates)

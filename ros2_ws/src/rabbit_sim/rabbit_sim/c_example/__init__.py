@@ -15,7 +15,6 @@ from rabbit_sim.kinematics import LINK_LENGTH
 from rabbit_sim.perturbations.sensors import ENCODER_STEP, Laboratory
 from rabbit_sim.plant import CLEAR_HEIGHT, CONTACT_FORCE, FOOT_RADIUS, gravity
 from rabbit_sim.simulation import Simulation, flight_ticks
-from rabbit_sim.terrain import PLATFORM_START
 
 SOURCE = Path(__file__).with_name("example.c")
 TICKS_A_STONE = 100  # in which the walk may reach it
@@ -34,7 +33,8 @@ def write_example(folder: Path, simulation: Simulation, seed: int) -> None:
     mujoco.mj_saveModel(simulation.plant.model, str(folder / "model.mjb"))  # type: ignore[attr-defined]
     numbers: dict[str, Any] = {"STONES": simulation.parameters.stones}
     numbers |= {"FOOT_RADIUS": FOOT_RADIUS, "STONE_DEPTH": STONE_DEPTH}
-    numbers |= {"PLATFORM_START": PLATFORM_START, "PLATFORM_END": simulation.parameters.stone_width / 2}
+    platform, is_flat = simulation.stones[0], simulation.parameters.terrain == "flat"
+    numbers |= {"PLATFORM_START": platform.near, "PLATFORM_END": platform.far, "IS_FLAT": int(is_flat)}
     numbers |= {"CLEAR_HEIGHT": CLEAR_HEIGHT, "CONTACT_FORCE": CONTACT_FORCE}
     numbers |= {"FALL_HEIGHT": simulation.parameters.fall_height, "FLIGHT_TICKS": flight_ticks(simulation.parameters)}
     numbers |= {"LINK_LENGTH": LINK_LENGTH, "MOST_TICKS": TICKS_A_STONE * simulation.parameters.stones}

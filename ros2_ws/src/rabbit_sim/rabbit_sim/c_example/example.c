@@ -42,7 +42,7 @@ static void place_stones(void) {
 /* The next stone, seen from a foot that stands at x: index, l_min, l_max, height, into a reading. */
 static void stand_at(double x, int touchdowns, double *stone) {
   stone[0] = NAN, stone[1] = NAN, stone[2] = NAN, stone[3] = NAN;
-  if (touchdowns < STONES) {
+  if (!IS_FLAT && touchdowns < STONES) {
     const double *next = course[touchdowns];
     double before = placed[stones_placed - 1].top;
     placed[stones_placed] = (Span){x + next[0], x + next[1], next[2]};
