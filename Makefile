@@ -1,7 +1,7 @@
 # make help lists what there is. PYTHON chooses the interpreter for the environment: make setup PYTHON=python3.12
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup python workspace studies tools build walk test test-all test-browser fuzz check format bench docs figures lock clean
+.PHONY: help setup python workspace studies tools build walk test test-all test-browser fuzz check format bench docs figures wheels lock clean
 
 ifneq ($(words $(CURDIR)),1)
 $(error The path "$(CURDIR)" has a space in it: move the project to a path without one)
@@ -74,8 +74,14 @@ docs: studies ## the site in docs/build/index.html
 figures: studies ## write the figures of the pages anew from the shipped tables
 	@$(WITH_WORKSPACE) python -B scripts/page_figures.py
 
+wheels: tools ## dist/: a wheel of every package, of what is committed
+	@rm -rf dist .setup/wheels && mkdir -p .setup/wheels && git archive HEAD | tar -x -C .setup/wheels
+	@for package in .setup/wheels/ros2_ws/src/*/setup.py .setup/wheels/studies/ .setup/wheels/qa/; do \
+	  .venv/bin/python -m build --wheel --no-isolation --outdir dist "$${package%/*}" >.setup/wheels.log || \
+	  { cat .setup/wheels.log; exit 1; }; done; ls dist
+
 lock: ## write the locks anew (needs uv)
 	@python3 scripts/lock.py
 
 clean: ## remove the environment and all that was built
-	@rm -rf .venv .setup docs/build ros2_ws/build ros2_ws/install ros2_ws/log .pytest_cache .mypy_cache .ruff_cache .coverage .coverage.*
+	@rm -rf .venv .setup dist docs/build ros2_ws/build ros2_ws/install ros2_ws/log .pytest_cache .mypy_cache .ruff_cache .coverage .coverage.*

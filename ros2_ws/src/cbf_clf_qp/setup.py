@@ -1,4 +1,4 @@
-"""Installs cbf_clf_qp, as setup.cfg says: `pip install` anywhere, `colcon build` in a ROS 2 workspace."""
+"""Installs cbf_clf_qp as setup.cfg says."""
 
 from setuptools import setup
 

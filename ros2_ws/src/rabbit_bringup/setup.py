@@ -1,23 +1,5 @@
-"""Installs rabbit_bringup as setup.cfg says. pip finds the other packages in the folders beside this one."""
-
-from pathlib import Path
+"""Installs rabbit_bringup as setup.cfg says."""
 
 from setuptools import setup
 
-LIBRARIES = ["numpy>=2", "pydantic>=2", "rich", "typer"]
-PACKAGES = [
-    "rabbit_description",
-    "rabbit_common",
-    "rabbit_sim",
-    "rabbit_estimator",
-    "rl_cbf_clf_controller",
-    "rl_trainer",
-    "rabbit_recording",
-    "rabbit_viewer",
-    "rabbit_experiments",
-]
-BESIDE = Path(__file__).resolve().parents[1]
-
-# where the packages lie; colcon reads no address without a host
-places = {each: f" @ file://localhost{BESIDE / each}" for each in PACKAGES if (BESIDE / each).is_dir()}
-setup(python_requires=">=3.11", install_requires=LIBRARIES + [each + places.get(each, "") for each in PACKAGES])
+setup()

@@ -33,7 +33,8 @@ ORDER = (
 )
 TASK_HELP = "run a control task of your own instead of RABBIT; for its options: --task TASK --help"
 # what `pip install` leaves out unless asked: who only walks needs none of it
-EXTRAS = {"torch": "rl_trainer[learn]", "imageio_ffmpeg": "rabbit_viewer[film]"}
+EXTRAS = {"torch": "rl_trainer[learn]", "imageio_ffmpeg": "rabbit_viewer[film]", "mujoco": "rabbit_sim[mujoco]"}
+EXTRAS["pybullet"] = "rabbit_sim[pybullet]"  # compiled for Python 3.12 and later, some minutes
 
 
 @cache
@@ -126,7 +127,7 @@ class LazyGroup(TyperGroup):
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """The command itself. From here on a Ctrl-C or SIGTERM is a `KeyboardInterrupt`, which it may answer."""
         if args[0] in ORDER and args[0] not in commands():
-            _fail(f"{args[0]} is not installed: call make studies, or pip install ./studies ./qa")
+            _fail(f"{args[0]} is not installed: call make studies, or pip install rabbit_studies rabbit_qa")
         if args[0] not in commands() and not args[0].startswith("-"):
             from rabbit_description.validation import nearest
 
@@ -154,7 +155,7 @@ class LazyGroup(TyperGroup):
         except ModuleNotFoundError as error:
             if error.name not in EXTRAS:
                 raise
-            _fail(f"{error.name} is not installed: pip install './ros2_ws/src/{EXTRAS[error.name]}'")
+            _fail(f"{error.name} is not installed: pip install '{EXTRAS[error.name]}'")
         except OSError as error:
             if error.errno in (None, errno.EPIPE):  # not the system's; a pipe whose reader has gone
                 raise

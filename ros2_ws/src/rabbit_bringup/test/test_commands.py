@@ -63,7 +63,7 @@ def test_a_studys_command_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch
 @pytest.mark.parametrize(
     ("library", "words", "line"),
     [
-        ("torch", ("train",), "rabbit: torch is not installed: pip install './ros2_ws/src/rl_trainer[learn]'"),
+        ("torch", ("train",), "rabbit: torch is not installed: pip install 'rl_trainer[learn]'"),
         ("mujoco", ("evaluate", "--plant", "mujoco"), "rabbit: rabbit.plants mujoco: it needs the library mujoco"),
     ],
 )
