@@ -33,8 +33,7 @@ ORDER = (
 )
 TASK_HELP = "run a control task of your own instead of RABBIT; for its options: --task TASK --help"
 # what `pip install` leaves out unless asked: who only walks needs none of it
-EXTRAS = {"torch": "rl_trainer[learn]", "imageio_ffmpeg": "rabbit_viewer[film]", "mujoco": "rabbit_sim[mujoco]"}
-EXTRAS["pybullet"] = "rabbit_sim[pybullet]"  # compiled for Python 3.12 and later, some minutes
+EXTRAS = {"torch": "rl_trainer[learn]", "imageio_ffmpeg": "rabbit_viewer[film]"}
 
 
 @cache

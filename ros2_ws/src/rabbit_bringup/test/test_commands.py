@@ -64,7 +64,11 @@ def test_a_studys_command_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch
     ("library", "words", "line"),
     [
         ("torch", ("train",), "rabbit: torch is not installed: pip install 'rl_trainer[learn]'"),
-        ("mujoco", ("evaluate", "--plant", "mujoco"), "rabbit: rabbit.plants mujoco: it needs the library mujoco"),
+        (
+            "mujoco",
+            ("evaluate", "--plant", "mujoco"),
+            "rabbit: rabbit.plants mujoco: it needs the library mujoco, which is not installed: pip install 'rabbit_sim[mujoco]'",
+        ),
     ],
 )
 def test_a_library_that_pip_leaves_out_is_named(
@@ -74,7 +78,8 @@ def test_a_library_that_pip_leaves_out_is_named(
     command = [sys.executable, "-c", script, *words, "--out", str(tmp_path / "out")]
     refused = subprocess.run(command, capture_output=True, text=True, timeout=120)
     assert (refused.returncode, refused.stderr.count("\n")) == (2, 1)
-    assert refused.stderr.startswith(line)
+    assert refused.stderr.startswith("rabbit: ")
+    assert refused.stderr.endswith(f"{line}\n")
 
 
 @pytest.mark.parametrize(("error", "code"), [(KeyboardInterrupt(), 130), (Interrupted(signal.SIGTERM), 143)])

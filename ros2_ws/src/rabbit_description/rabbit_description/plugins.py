@@ -42,6 +42,8 @@ def load(group: str, name: str) -> Any:
     except ImportError as error:
         library = (error.name or "").partition(".")[0]
         message = f"it needs the library {error.name}, which is not installed"
+        if (package := found[name].dist) and library in (package.metadata.get_all("Provides-Extra") or ()):
+            message += f": pip install '{package.name}[{library}]'"
         if library and find_spec(library):
             message = f"{error}: it was written for another version of {library} (CHANGELOG.md)"
         raise PluginError(f"{group} {name}: {message}") from error
