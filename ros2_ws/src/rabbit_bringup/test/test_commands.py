@@ -63,12 +63,8 @@ def test_a_studys_command_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch
 @pytest.mark.parametrize(
     ("library", "words", "line"),
     [
-        ("torch", ("train",), "rabbit: torch is not installed: pip install 'rl_trainer[learn]'"),
-        (
-            "mujoco",
-            ("evaluate", "--plant", "mujoco"),
-            "rabbit: rabbit.plants mujoco: it needs the library mujoco, which is not installed: pip install 'rabbit_sim[mujoco]'",
-        ),
+        ("torch", ("train",), "torch is not installed: pip install 'rl_trainer[learn]'"),
+        ("mujoco", ("evaluate", "--plant", "mujoco"), "which is not installed: pip install 'rabbit_sim[mujoco]'"),
     ],
 )
 def test_a_library_that_pip_leaves_out_is_named(
