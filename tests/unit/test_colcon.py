@@ -114,15 +114,16 @@ def installed(checkout: Path, tmp_path_factory: pytest.TempPathFactory) -> Calla
     return install
 
 
-def requirements(target: Path) -> set[str]:
-    """Names of what an installed package requires, extras included."""
+def required(target: Path) -> dict[str, str]:
+    """What an installed package requires, extras included: lines by name."""
     (metadata,) = target.glob("*.dist-info")
-    return {re.split(r"[^\w.-]", line)[0].replace("-", "_") for line in PathDistribution(metadata).requires or ()}
+    lines = PathDistribution(metadata).requires or ()
+    return {re.split(r"[^\w.-]", line)[0].replace("-", "_"): line for line in lines}
 
 
 def family(package: str, installed: Callable[[str], Path]) -> set[str]:
     """The package and those beside it that it requires, or that these require."""
-    needed = requirements(installed(package)) & set(PACKAGES)
+    needed = required(installed(package)).keys() & set(PACKAGES)
     return {package}.union(*(family(each, installed) for each in needed))
 
 
@@ -142,6 +143,17 @@ def test_installs_with_pip_and_imports_without_ros(package: str, installed: Call
     file, *loaded = loaded_modules(package, installed)
     assert Path(file).is_relative_to(installed(package))
     assert not set(loaded) & NEVER_LOADED.get(package, set())
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_requires_no_folder_and_the_others_in_its_own_version(package: str, installed: Callable[[str], Path]) -> None:
+    (metadata,) = installed(package).glob("*.dist-info")
+    lines = required(installed(package))
+    assert not [line for line in lines.values() if "@" in line]
+    version = PathDistribution(metadata).version
+    assert {lines[name] for name in lines.keys() & set(PACKAGES)} == {
+        f"{name}=={version}" for name in lines.keys() & set(PACKAGES)
+    }
 
 
 @pytest.mark.parametrize("package", PACKAGES)
