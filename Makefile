@@ -78,7 +78,7 @@ wheels: tools ## dist/: a wheel of every package, of what is committed
 	@rm -rf dist .setup/wheels && mkdir -p .setup/wheels && git archive HEAD | tar -x -C .setup/wheels
 	@for package in .setup/wheels/ros2_ws/src/*/setup.py .setup/wheels/studies/ .setup/wheels/qa/; do \
 	  .venv/bin/python -m build --wheel --no-isolation --outdir dist "$${package%/*}" >.setup/wheels.log 2>&1 || \
-	  { cat .setup/wheels.log; exit 1; }; done; ls dist
+	  { cat .setup/wheels.log; exit 1; }; done; rm -r .setup/wheels; ls dist
 
 lock: ## write the locks anew (needs uv)
 	@python3 scripts/lock.py

@@ -13,9 +13,10 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from cbf_clf_qp.functions import NumpyFunction
 from rabbit_description.state import Array
 from rl_cbf_clf_controller.step_paths import StepPath
-from rl_cbf_clf_controller.virtual_constraints import Angles
+from rl_cbf_clf_controller.virtual_constraints import Angles, output_functions
 
 from rabbit_gait_design.pinocchio_model import PinocchioModel
 from rabbit_gait_design.zero_dynamics import Instant, ZeroDynamics
@@ -28,6 +29,15 @@ class Walker:
     model: PinocchioModel
     angles: Angles
     swap: Array
+
+    @cached_property
+    def functions(self) -> tuple[NumpyFunction, ...]:
+        """Of its outputs along any path."""
+        return output_functions(self.angles)
+
+    def along(self, path: StepPath) -> ZeroDynamics:
+        """Its zero dynamics."""
+        return ZeroDynamics(path, self.model, self.angles, self.functions)
 
     def after_impact(self, q: Array, dq: Array) -> tuple[Array, Array]:
         """Relabelled `(q, dq)`, each (n,), once the swing foot has landed at a state; it is at the origin then."""
@@ -51,7 +61,7 @@ def impact_invariant(walker: Walker, later: Array, phase_angle_end: float) -> St
 
 
 def _at_end(walker: Walker, path: StepPath) -> tuple[Array, Array]:
-    return ZeroDynamics(path, walker.model, walker.angles).state(1.0, 1.0)
+    return walker.along(path).state(1.0, 1.0)
 
 
 class RepeatedStep:
@@ -63,7 +73,7 @@ class RepeatedStep:
 
     def __init__(self, walker: Walker, path: StepPath, points: int = 201, tolerance: float = 1e-9) -> None:
         self.walker, self.path = walker, path
-        self.dynamics = ZeroDynamics(path, walker.model, walker.angles)
+        self.dynamics = walker.along(path)
         self.phases = np.linspace(0.0, 1.0, points)
         _, dq = walker.after_impact(*self.dynamics.state(1.0, 1.0))
         span = path.phase_angle_end - path.phase_angle_start

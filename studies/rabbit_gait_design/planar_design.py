@@ -10,7 +10,7 @@ For RABBIT, with its stones, there is `design`, which knows more conditions.
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import count
 
 import casadi as ca
@@ -107,11 +107,11 @@ def search(
 
 
 class _Programme:
-    """Cost and scaled conditions of a path, each step evaluated once."""
+    """Cost and scaled conditions of a path; each step is evaluated once, though cost and conditions ask in turn."""
 
     def __init__(self, walker: Walker, wanted: PlanarSpecification, shape: tuple[int, ...]) -> None:
         self._walker, self._wanted, self._shape = walker, wanted, shape
-        self._last: tuple[bytes, RepeatedStep] | None = None
+        self._step = lru_cache(4 * shape[0] * shape[1])(self._evaluated)
 
     def path(self, x: Array) -> StepPath:
         """Of the unknowns `x`."""
@@ -155,6 +155,7 @@ class _Programme:
         }
 
     def _at(self, x: Array) -> RepeatedStep:
-        if self._last is None or self._last[0] != x.tobytes():
-            self._last = x.tobytes(), RepeatedStep(self._walker, self.path(x), PHASES, ODE_TOLERANCE)
-        return self._last[1]
+        return self._step(x.tobytes())
+
+    def _evaluated(self, x: bytes) -> RepeatedStep:
+        return RepeatedStep(self._walker, self.path(np.frombuffer(x)), PHASES, ODE_TOLERANCE)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
+from cbf_clf_qp.functions import NumpyFunction
 from rabbit_description.state import Array
 from rl_cbf_clf_controller.virtual_constraints import RABBIT_ANGLES, Angles, Path, VirtualConstraints
 from scipy.integrate import solve_ivp
@@ -59,10 +60,16 @@ class Instant:
 class ZeroDynamics:
     """The zero dynamics of `gait` on `model`, whose outputs and phase are `angles`; RABBIT's unless said."""
 
-    def __init__(self, gait: Path, model: PinocchioModel | None = None, angles: Angles = RABBIT_ANGLES) -> None:
+    def __init__(
+        self,
+        gait: Path,
+        model: PinocchioModel | None = None,
+        angles: Angles = RABBIT_ANGLES,
+        functions: tuple[NumpyFunction, ...] | None = None,
+    ) -> None:
         self.gait, self.angles = gait, angles
         self.model = model or PinocchioModel()
-        self.constraints = VirtualConstraints(gait, angles)
+        self.constraints = VirtualConstraints(gait, angles, functions)
         self._span = gait.phase_angle_end - gait.phase_angle_start
 
     def state(self, phase: float, phase_rate: float) -> tuple[Array, Array]:

@@ -170,11 +170,13 @@ class VirtualConstraints:
     """The outputs of a path as numbers. One object serves one thread.
 
     `row`: the numbers of the path; `scale` (2,): what turns a phase angle into a phase, `phase_scale` of
-    `OutputExpressions`.
+    `OutputExpressions`; `functions`: `output_functions` of these angles, for whoever follows many paths.
     """
 
-    def __init__(self, path: Path, angles: Angles = RABBIT_ANGLES) -> None:
-        self._outputs, self._phase, self._desired = output_functions(angles)
+    def __init__(
+        self, path: Path, angles: Angles = RABBIT_ANGLES, functions: tuple[NumpyFunction, ...] | None = None
+    ) -> None:
+        self._outputs, self._phase, self._desired = functions or output_functions(angles)
         span = path.phase_angle_end - path.phase_angle_start
         self.row, self.scale = path_row(path), np.array([1 / span, path.phase_angle_start / span])
 
