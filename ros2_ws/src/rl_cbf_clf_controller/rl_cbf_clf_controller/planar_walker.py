@@ -40,7 +40,7 @@ from rl_cbf_clf_controller.virtual_constraints import Angles, OutputExpressions,
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Sum = dict[str, Finite]  # of coordinates, by name
-FOOT, NOMINAL = "foot", {"mass": 1.0, "payload": 0.0, "motors": 1.0}
+FOOT = "foot"
 MARKS = 0.5  # m, between those on the ground of a picture
 FORCE_WEIGHT = 1e6  # of the slacks of the force rows
 GAP_DEPTH = 0.03  # m, below which a foot beside its stone has missed it
@@ -74,6 +74,19 @@ class StonesFile(BaseModel):
         return lambda impacts: dict(zip(EDGES, (near[impacts], near[impacts] + self.width), strict=True))
 
 
+class PlantFile(BaseModel):
+    """The true robot, which the nominal model takes for one with these defaults."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    mass: Positive = Field(1.0, description="factor of all masses and inertias")
+    payload: float = Field(0.0, ge=0, allow_inf_nan=False, description="kg, on the torso")
+    motors: Positive = Field(1.0, description="factor of their torques")
+
+
+NOMINAL = PlantFile().model_dump()
+
+
 class WalkerFile(BaseModel):
     """What a walker's file says beside the URDF.
 
@@ -104,9 +117,14 @@ class WalkerFile(BaseModel):
     longest_step: Positive = Field(3.0, description="s, in the mean of an episode")
     spread: tuple[Finite, Finite] = Field((0.03, 0.05), description="of the start: angles, rad; rates, a share")
     training: dict[str, Any] = Field(default_factory=dict, description="in place of the defaults of a training")
-    plant: dict[str, Finite] = Field(
-        default_factory=dict, description="the true mass, payload (kg, on the torso), motors"
-    )
+    plant: PlantFile = PlantFile()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _has_path(cls, said: Any) -> Any:
+        if isinstance(said, dict) and "path" not in said:
+            raise ValueError("path: missing; rabbit gait --task finds one")
+        return said
 
     @field_validator("path", mode="before")
     @classmethod
@@ -247,7 +265,7 @@ class PlanarWalker:
             system,
             quantities,
             nominal=NOMINAL,
-            true=file.plant,
+            true=file.plant.model_dump(exclude_unset=True),
             start=self.start,
             limit=file.limit,
             duration=file.steps * file.longest_step,

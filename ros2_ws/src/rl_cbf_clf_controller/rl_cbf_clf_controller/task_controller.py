@@ -80,7 +80,7 @@ class TaskBatch(BatchController):
         super().reset(i, seed)
         self._rngs[i] = Noise(self._task, seed, self._silence.shape[1])
 
-    def _only_policy(self) -> Any:
+    def only_policy(self) -> Any:
         return self.policies[0]
 
     def _learned(self, policy: Any, seen: Array) -> Array:
