@@ -18,15 +18,9 @@ from rabbit_description.yaml_file import parse_yaml
 from rabbit_benchmark.families import Split, families, family_plant, further_changes, in_order, settable
 
 Terrain = Literal["stones", "flat"]
-Map = Literal["inside", "outside", "storm", "development", "reported", "unseen", "storm-2"]
+Map = Literal["inside", "outside", "storm", "development", "reported", "unseen", "unseen-2", "contact", "storm-2"]
 TERRAINS: tuple[Terrain, ...] = ("stones", "flat")
-PLANTS: dict[Map, int] = {
-    "storm": 10,
-    "storm-2": 10,
-    "development": 2,
-    "reported": 2,
-    "unseen": 2,
-}  # for each course of a cell
+PLANTS: dict[Map, int] = {"storm": 10, "storm-2": 10, **dict.fromkeys(get_args(Split), 2)}  # for a cell's course
 
 
 @dataclass(frozen=True)

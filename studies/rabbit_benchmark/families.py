@@ -1,9 +1,10 @@
-"""Uncertainty of structure: families of plants that no parameter of a rigid robot describes, split in three.
+"""Uncertainty of structure: families of plants that no parameter of a rigid robot describes, split in five.
 
 Methods may be tuned and trained on the `development` families. The `reported` ones are for the table alone: nothing
 was trained, tuned or chosen on their reported plants. The `unseen` ones were walked once, when all controllers were as
-they are. A plant of a family has a mass scale and the family's own values, each uniform
-within its range. `storm-2` draws from the storm and from the families of the first two kinds.
+they are. The `unseen-2` and `contact` ones wait for that; the ground of the latter is what is strange. A plant of a
+family has a mass scale and the family's own values, each uniform within its range. `storm-2` draws from the storm and
+from the families of the first two kinds.
 """
 
 import zlib
@@ -18,7 +19,7 @@ from rabbit_description.yaml_file import parse_yaml
 from rabbit_sim.parameters import marked
 from rabbit_sim.perturbation import WHOLE_SUBSTEPS
 
-Split = Literal["development", "reported", "unseen"]
+Split = Literal["development", "reported", "unseen", "unseen-2", "contact"]
 Value = float | int
 Range = tuple[Value, Value]  # of two whole numbers: whole numbers between them
 
@@ -77,7 +78,7 @@ def further_changes(number: int, seed: int, terrain: str) -> dict[str, Any]:
     rng = np.random.default_rng([seed, number, zlib.crc32(f"{terrain}/storm-2".encode())])
     changes: dict[str, Any] = {}
     for family in families().families.values():
-        if family.split == "unseen":
+        if family.split not in ("development", "reported"):
             continue
         values, is_in_it = drawn(family.on(terrain) or {}, rng), rng.random() < families().share
         if is_in_it:

@@ -33,8 +33,7 @@ GROUP = "rabbit.methods"
 REFERENCE = "identified"  # with which the others are compared
 LIKE: dict[Map, Map] = {  # no method has parameters of its own on these
     "storm-2": "storm",
-    "reported": "development",
-    "unseen": "development",
+    **dict.fromkeys(("reported", "unseen", "unseen-2", "contact"), "development"),
 }
 
 

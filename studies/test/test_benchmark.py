@@ -7,6 +7,7 @@ import pytest
 from rabbit_benchmark.cells import cells, chosen, storm, storm_plant
 from rabbit_benchmark.commands.benchmark import app
 from rabbit_benchmark.comparison import holm, paired
+from rabbit_benchmark.families import families
 from rabbit_benchmark.methods import BUILT_IN
 from rabbit_benchmark.protocol import SEEDS, Protocol, plan
 from rabbit_benchmark.report import Benchmark
@@ -54,6 +55,16 @@ def test_the_storm_is_drawn_by_its_seed_within_its_ranges() -> None:
                 assert low <= value <= high
     assert "stone_height" not in storm().on("flat")
     assert cells()["flat/storm"].courses(10) == 100
+
+
+def test_the_second_storm_has_no_family_that_came_after_it() -> None:
+    known = {"terrain", "sensors", *storm().on("stones")}
+    for family in families().families.values():
+        if family.split in ("development", "reported"):
+            known |= {**(family.stones or {}), **(family.flat or {})}.keys()
+    for cell in chosen(["storm-2"]):
+        seen = {name for number in range(200) for name in cell.plant(number, SEEDS["reported"])}
+        assert seen <= known
 
 
 @pytest.mark.parametrize(

@@ -34,14 +34,14 @@ TIMES = {"tick_ms_p50", "tick_ms_p99", "plant_ms_p50", "walk_seconds"}
 PLANTS: list[dict[str, Any]] = [
     {"mass_scale": 2.0},
     {"mass_scale": 0.5},  # soon falls
-    {"mass_scale": 1.5, "ground_friction": 0.7, "stone_width": 0.04},
+    {"mass_scale": 1.5, "ground_friction": 0.7, "friction_spread": 0.2, "stone_width": 0.04},
     {"payload": 20.0, "slope": 1.0, "torque_delay": 0.004},
     {"mass_scale": 1.2, "stone_height": 0.02, "torque_rate": 15e3},
     {"mass_scale": 1.8, "velocity_noise": 0.02, "force_noise": 5.0},
     {"mass_scale": 2.0, "sensors": "lab"},
-    {"mass_scale": 2.0, "joint_damping": 1.0, "backlash": 0.2},
+    {"mass_scale": 2.0, "joint_damping": 1.0, "backlash": 0.2, "command_dropout": 0.1},
     {"mass_scale": 2.0, "push": 5.0, "push_interval": 0.2},
-    {"swing_payload": 3.0, "loose_stone": 1, "wind": 25.0, "gusts": 15.0},
+    {"swing_payload": 3.0, "sliding_payload": 2.0, "loose_stone": 1, "wind": 25.0, "gusts": 15.0},
 ]
 SEEDS = range(71, 71 + len(PLANTS))
 

@@ -54,9 +54,12 @@ class EnginePlant(Plant, ABC):
         self._states: JointStates | None = None
         self._path: list[list[float]] = []
         self._actuation.rest()
-        self._memories = [Memory(joints=q[BASE:].copy(), rates=dq[BASE:].copy()) for _ in self._transmissions]
-        for each, memory in zip(self._transmissions, self._memories, strict=True):
+        self._memories = []
+        for each in self._transmissions:
+            rng = np.random.default_rng([*q.copy().view(np.uint32), *type(each).__name__.encode()])
+            memory = Memory(joints=q[BASE:].copy(), rates=dq[BASE:].copy(), rng=rng, parameters=self._parameters)
             each.begin(memory)
+            self._memories.append(memory)
         self._push = np.zeros(0)  # in the next substeps, N
         self._force = np.zeros((2, 2))
         self._contact = np.array([stance is Leg.LEFT, stance is Leg.RIGHT])
@@ -157,6 +160,10 @@ class EnginePlant(Plant, ABC):
     @abstractmethod
     def _place(self, spans: Sequence[Span]) -> None:
         """Have exactly these boxes. Wider by the foot's radius, so that a foot's centre on the edge still stands."""
+
+    @abstractmethod
+    def set_friction(self, leg: Leg, coefficient: float) -> None:
+        """See `Plant`; until the reset."""
 
     @abstractmethod
     def _make_world(self, q: Array, dq: Array) -> None:

@@ -19,7 +19,7 @@ from xml.etree.ElementTree import Element, SubElement
 import mujoco
 import pinocchio
 from rabbit_description.planar_urdf import BASE
-from rabbit_description.state import DOF, Array
+from rabbit_description.state import DOF, Array, Leg
 
 from rabbit_sim.engine_plant import STONE_DEPTH, EnginePlant, Forces, JointStates
 from rabbit_sim.parameters import SimulationParameters
@@ -31,6 +31,7 @@ AWAY = -100.0  # m, where unused stones lie
 # by its priority the friction and softness of a foot count, not the stone's
 FOOT = {"type": "sphere", "priority": "1", "condim": "3", "contype": "1", "conaffinity": "0"}
 JOINTS = {"JointModelPX": ("slide", "1 0 0"), "JointModelPZ": ("slide", "0 0 1"), "JointModelRY": ("hinge", "0 1 0")}
+FREE = 100.0  # rad or m: a joint with such limits or wider ones has none
 FEET = ("left_foot", "right_foot")
 
 
@@ -50,7 +51,8 @@ class MujocoPlant(EnginePlant):
         names = [self.model.geom(i).name for i in range(self.model.ngeom)]
         self._torque, self._pressing = self._data.qfrc_applied[BASE:DOF], self._data.sensordata  # views
         self._torso_force = self._data.xfrc_applied[self.model.body("torso").id]
-        for foot in map(names.index, FEET):
+        self._feet_geoms = [names.index(foot) for foot in FEET]
+        for foot in self._feet_geoms:
             inverse_mass = self.model.body_invweight0[self.model.geom_bodyid[foot], 0]
             k, b = parameters.ground_stiffness * inverse_mass, parameters.ground_damping * inverse_mass
             b = min(b, 1 / SUBSTEP_SECONDS)
@@ -66,7 +68,12 @@ class MujocoPlant(EnginePlant):
         self._data.qacc_warmstart[:] = 0.0
         super().advance(command)
 
+    def set_friction(self, leg: Leg, coefficient: float) -> None:
+        """See `Plant`."""
+        self.model.geom_friction[self._feet_geoms[leg], 0] = coefficient
+
     def _make_world(self, q: Array, dq: Array) -> None:
+        self.model.geom_friction[self._feet_geoms, 0] = self._parameters.ground_friction
         mujoco.mj_resetData(self.model, self._data)
         self._data.qpos[:DOF], self._data.qvel[:DOF] = q, dq
         for name, (angle, rate) in self._attached_at(q, dq).items():
@@ -113,7 +120,9 @@ def robot_mjcf(urdf: str, friction: float, radius: float = FOOT_RADIUS) -> str:
             at = model.jointPlacements[j].translation
             bodies.append(SubElement(bodies[model.parents[j]], "body", name=model.names[j], pos=text(at)))
         kind, axis = JOINTS[model.joints[j].shortname()]
-        SubElement(bodies[j], "joint", name=model.names[j], type=kind, axis=axis)
+        joint = SubElement(bodies[j], "joint", name=model.names[j], type=kind, axis=axis)
+        if (stop := float(model.upperPositionLimit[model.idx_qs[j]])) < FREE:
+            joint.attrib |= {"range": f"{-stop!r} {stop!r}", "solreflimit": f"{2 * SUBSTEP_SECONDS!r} 1"}
         inertia = model.inertias[j]
         if inertia.mass > 0:
             diagonal = text(inertia.inertia.diagonal())

@@ -78,6 +78,10 @@ class Plant:
     def set_stones(self, spans: Sequence[Span]) -> None:
         """Have exactly these stones; nothing to do where there is ground everywhere."""
 
+    def set_friction(self, leg: Leg, coefficient: float) -> None:
+        """Coulomb's coefficient of what a foot stands on from now on."""
+        raise NotImplementedError
+
     def advance(self, command: Array) -> None:
         """Go on one tick under the commanded joint torques, shape (4,), N m."""
         raise NotImplementedError

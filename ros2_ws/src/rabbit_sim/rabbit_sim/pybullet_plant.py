@@ -104,6 +104,12 @@ class PybulletPlant(EnginePlant):
             )
         return index
 
+    def set_friction(self, leg: Leg, coefficient: float) -> None:
+        """See `Plant`."""
+        for link, foot in self._foot_of_link.items():
+            if foot == leg:
+                self._set_surface(self._robot, link, coefficient)
+
     def _set_surface(self, body: int, link: int, friction: float) -> None:
         """PyBullet multiplies the friction of the two bodies, so a stone's is 1."""
         self._client.changeDynamics(body, link, lateralFriction=friction)

@@ -117,7 +117,7 @@ class Simulation:
         course_rng, start_rng, sensor_rng = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(3))
         self.course = self._file_course or draw_course(self.parameters, course_rng)
         self._terrain = Terrain(self.parameters, self.course)
-        self._seed, self._sensor_rng = seed, sensor_rng
+        self._seed, self._sensor_rng, self._friction_rng = seed, sensor_rng, np.random.default_rng([seed, *b"friction"])
         self._measuring, self._pushing = list[tuple[Perturbation, Memory]](), list[tuple[Perturbation, Memory]]()
         self._perturb()
         self.outcome, self.landings = Outcome.RUNNING, []
@@ -213,6 +213,9 @@ class Simulation:
         if depth := self._dropped():
             self._terrain.drop(self._touchdowns, depth)
         self.plant.set_stones(self._terrain.present)
+        if spread := self.parameters.friction_spread:
+            rubs = self.parameters.ground_friction * (1 - spread * self._friction_rng.random())
+            self.plant.set_friction(leg, max(rubs, 1e-6))
         self._ground = Ground(self._terrain.present)
 
     def _count_landings(self) -> None:

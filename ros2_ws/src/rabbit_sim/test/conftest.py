@@ -43,14 +43,14 @@ class Truth:
         return pinocchio.crba(self._model, self._data, q)
 
     def free_acceleration(self, q, dq, torque):
-        """From the equation of motion without contact, the damping as the documents give it, a pendulum at rest."""
+        """From the equation of motion without contact, the damping as the documents give it, what is loose at rest."""
         damping = self.parameters.joint_damping * self.mass_matrix(q).diagonal()[3:] * dq[3:]
         forces = np.r_[np.zeros(3), torque - damping]
-        if self._loaded.nv == 7:
-            return pinocchio.aba(self._loaded, self._loaded.createData(), q, dq, forces)
-        hangs, rate = np.deg2rad(self.parameters.slope) - q[2], -dq[2]  # along gravity, and does not turn
-        q, dq, forces = np.r_[q, hangs], np.r_[dq, rate], np.r_[forces, 0.0]
-        return pinocchio.aba(self._loaded, self._loaded.createData(), q, dq, forces)[:7]
+        hangs = np.deg2rad(self.parameters.slope) - q[2], -dq[2]  # along gravity, and does not turn
+        loose = [hangs if name == "swing_payload" else (0.0, 0.0) for name in list(self._loaded.names)[8:]]
+        more, rates = np.array(loose).reshape(-1, 2).T
+        forces = np.r_[forces, 0.0 * more]
+        return pinocchio.aba(self._loaded, self._loaded.createData(), np.r_[q, more], np.r_[dq, rates], forces)[:7]
 
     def kinetic_energy(self, q, dq):
         return pinocchio.computeKineticEnergy(self._model, self._data, q, dq)

@@ -19,6 +19,7 @@ from rabbit_sim.robot_urdf import leg_shape
 
 PERTURBED = {"mass_scale": 1.7, "payload": 11.0, "payload_height": 0.4, "link_bend": 0.06, "joint_damping": 2.5}
 LOADED = {"payload": 8.0, "payload_ahead": 0.1, "left_leg_scale": 1.3, "swing_payload": 9.0, "slope": 3.0}
+SLIDING = {"sliding_payload": 9.0, "payload_height": 0.4}
 GROUND = [Span(-5.0, 5.0)]
 TORQUE = np.array([12.0, 25.0, -20.0, 8.0])
 SETTLING_TICKS = round(5 * RUBBER_DAMPING / RUBBER_STIFFNESS / TICK_SECONDS)
@@ -77,7 +78,7 @@ def acceleration(plant, dq):
     return (plant._joint_states()[1] - dq) / dt
 
 
-@pytest.mark.parametrize("changes", [{}, PERTURBED, {"mass_scale": 0.5}, {"link_bend": -0.1}, LOADED])
+@pytest.mark.parametrize("changes", [{}, PERTURBED, {"mass_scale": 0.5}, {"link_bend": -0.1}, LOADED, LOADED | SLIDING])
 @pytest.mark.parametrize("seed", range(3))
 def test_it_accelerates_as_pinocchio_in_free_flight(engine, random_state, truth, changes, seed):
     robot, (q, dq) = truth(**changes), random_state(seed)
@@ -227,11 +228,36 @@ def test_measured_forces_are_the_momentum_that_the_ground_gives(engine, truth):
     assert touched
 
 
-@pytest.mark.parametrize("friction", [0.3, 0.8])
-def test_the_ground_keeps_coulombs_cone_and_a_foot_slides_on_it(engine, truth, friction):
-    robot = truth(ground_friction=friction)
+def where_it_slides(plant):
+    """The sliding payload ahead of its middle, m."""
+    if isinstance(plant, MujocoPlant):
+        return plant._data.joint("sliding_payload").qpos[0]
+    names = [plant._client.getJointInfo(plant._robot, j)[1] for j in range(plant._client.getNumJoints(plant._robot))]
+    return plant._client.getJointState(plant._robot, names.index(b"sliding_payload"))[0]
+
+
+@pytest.mark.parametrize("push", [-100.0, 100.0])
+def test_a_payload_slides_to_its_stop_when_the_torso_is_pushed(engine, random_state, push):
+    """It stays behind, and the stop takes it along."""
+    parameters = SimulationParameters(sliding_payload=2.0, slide_length=0.03)
+    with world(engine, parameters, random_state(4)[0], np.zeros(7)) as plant:
+        plant.push(push, 0.2)
+        ways = []
+        for _ in range(20):
+            plant.advance(np.zeros(4))
+            ways.append(where_it_slides(plant) * np.sign(push))
+    assert ways[0] < 0
+    assert min(ways) == pytest.approx(-0.03, abs=2e-3)
+
+
+@pytest.mark.parametrize(("ground", "underfoot"), [(0.3, None), (0.8, None), (1.5, 0.4)])
+def test_the_ground_keeps_coulombs_cone_and_a_foot_slides_on_it(engine, truth, ground, underfoot):
+    robot = truth(ground_friction=ground)
     q, dq = standing(robot)
+    friction = underfoot or ground
     with world(engine, robot.parameters, q, dq, GROUND) as plant:
+        if underfoot:
+            plant.set_friction(Leg.LEFT, underfoot)
         for _ in range(8):
             plant.advance(np.array([-150.0, 0.0, 0.0, 0.0]))  # the leg pushes the ground backward
         reading = plant.observe()

@@ -5,7 +5,7 @@ from math import exp, pi, radians, sqrt, tan
 import numpy as np
 import pytest
 from rabbit_description.gait import load_gait
-from rabbit_description.state import TICK_SECONDS, RobotState
+from rabbit_description.state import TICK_SECONDS, TORQUE_LIMIT, Leg, RobotState
 from rabbit_sim.actuation import Actuation
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.perturbation import Memory
@@ -18,12 +18,15 @@ from rabbit_sim.perturbations.joints import (
     CoupledJoints,
     EccentricGears,
     FadingMotors,
+    HotMotors,
     Hysteresis,
+    LostCommands,
     SharedSupply,
+    StickSlip,
 )
 from rabbit_sim.perturbations.sensors import SensorDropout, SensorJitter
 from rabbit_sim.perturbations.wind import Wind
-from rabbit_sim.plant import SUBSTEP_SECONDS, SUBSTEPS, PlantReading
+from rabbit_sim.plant import SUBSTEP_SECONDS, SUBSTEPS, PlantReading, Touch
 from rabbit_sim.simulation import Simulation
 from sensing import begun, state_of
 
@@ -157,6 +160,65 @@ def test_motors_with_steps_give_the_nearest() -> None:
     steps, any_torque = motors.advance(np.tile([14.0, 16.0, -44.0, -46.0], (2, 1)))
     assert steps[0].tolist() == [0.0, 30.0, -30.0, -60.0]
     assert any_torque[0].tolist() == [14.0, 16.0, -44.0, -46.0]
+
+
+def test_a_joint_breaks_away_with_all_its_friction_and_slides_with_half_of_it() -> None:
+    joints, none, memory = StickSlip(stick_slip=20.0), np.zeros(4), Memory()
+    joints.begin(memory)
+    for rate, friction in ((1e-3, 20.0), (3.0, 10.0), (-3.0, -10.0)):
+        for _ in range(round(1.0 / (abs(rate) * SUBSTEP_SECONDS))):  # over a radian
+            left = joints.transmitted(memory, none, none, np.full(4, rate))
+        assert left == pytest.approx(np.full(4, -friction), rel=1e-3)
+
+
+def test_a_hot_motor_gives_its_torque_over_one_and_its_heat() -> None:
+    """Half the limit heats with a quarter of a second each second."""
+    motors, asked, memory = HotMotors(motor_heating=0.5), np.full(4, TORQUE_LIMIT / 2), Memory()
+    motors.begin(memory)
+    given = [motors.transmitted(memory, asked, asked, asked)[0] for _ in range(2001)]
+    assert given[0] == asked[0]
+    assert given[-1] == pytest.approx(asked[0] / (1 + 0.5 * 0.25 * 2.0))
+
+
+def test_a_lost_command_leaves_the_torque_for_a_whole_tick() -> None:
+    bus, torque = LostCommands(command_dropout=0.3), np.arange(4.0)
+    memory = Memory(rng=np.random.default_rng(2), parameters=SimulationParameters())
+    bus.begin(memory)
+    asked = np.arange(1, 4000 * SUBSTEPS + 1)
+    given = np.array([bus.transmitted(memory, torque + k, torque, torque)[0] for k in asked]).reshape(-1, SUBSTEPS)
+    lost = (given != asked.reshape(-1, SUBSTEPS)).any(axis=1)
+    assert (given[lost] == given[lost, :1]).all()
+    assert (given[1:][lost[1:], 0] == given[:-1][lost[1:], -1]).all()
+    assert lost.mean() == pytest.approx(0.3, abs=0.03)  # four standard deviations
+
+
+def test_zeros_jump_by_as_much_as_they_are_said_to_at_each_touchdown() -> None:
+    """After n touchdowns they are off by sqrt(n) times the spread."""
+    down = PlantReading(*np.zeros((2, 7)), *np.zeros((2, 2, 2)), np.zeros(2, bool), (Touch(Leg.LEFT, 0, 0, hold=True),))
+    off = []
+    for seed in range(500):
+        measure = begun(EncoderDrift, SimulationParameters(encoder_jump=0.01), seed)
+        assert measure(measured(0.0), reading()).q.tolist() == [0.0] * 7
+        for _ in range(4):
+            measure(measured(0.0), down)
+        state = measure(measured(0.0), reading())
+        assert not state.dq.any()
+        off.append(state.q)
+    assert np.std(off, axis=0)[3:] == pytest.approx(np.full(4, 0.02), rel=0.13)  # four standard deviations
+    assert not np.any(np.array(off)[:, :3])
+
+
+def test_each_stone_rubs_as_it_is_drawn() -> None:
+    """Uniform from (1 - spread) of the ground's coefficient up to all of it; the same for the same episode."""
+    simulation = Simulation(SimulationParameters(plant="mujoco", ground_friction=0.8, friction_spread=0.5), GAIT)
+    found = []
+    for seed in [*range(300), 7]:
+        simulation.reset(seed)
+        found.append(simulation.plant.model.geom("left_foot").friction[0])
+    assert found[7] == found[-1]
+    assert 0.4 <= min(found) < 0.41 < 0.79 < max(found) <= 0.8
+    assert np.mean(found) == pytest.approx(0.6, abs=0.03)
+    simulation.close()
 
 
 def test_an_encoder_with_a_gain_measures_the_rate_of_its_own_angle() -> None:

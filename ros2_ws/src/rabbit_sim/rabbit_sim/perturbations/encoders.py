@@ -54,12 +54,18 @@ class FilteredRates(Perturbation):
 
 
 class EncoderDrift(Perturbation):
-    """The zero of each joint moves at a constant rate, which an episode draws; the joint's rate is off by that rate."""
+    """The zero of each joint moves at a constant rate, which an episode draws; the joint's rate is off by that rate.
+
+    In a tick in which a foot comes down it jumps as well, by a draw of its own.
+    """
 
     order = 140
 
     encoder_drift: Number = setting(
         0.0, 0, 0.1, "std of the rate at which a joint's zero moves, rad/s", Control("encoders drift", 0.001, "rad/s")
+    )
+    encoder_jump: Number = setting(
+        0.0, 0, 0.1, "std by which a joint's zero jumps at a touchdown, rad", Control("encoders jump", 0.001, "rad")
     )
 
     def begin(self, memory: Memory) -> None:
@@ -67,6 +73,8 @@ class EncoderDrift(Perturbation):
 
     def measure(self, memory: Memory, state: RobotState, reading: PlantReading) -> None:
         angles, rates = state.joints
+        for _ in reading.touches if self.encoder_jump else ():
+            memory.offset = memory.offset + self.encoder_jump * memory.rng.standard_normal(JOINTS)
         drift = self.encoder_drift * memory.direction
         angles += memory.offset
         rates += drift

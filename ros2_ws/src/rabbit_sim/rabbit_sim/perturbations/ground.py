@@ -32,6 +32,9 @@ class Ground(Perturbation):
         "damping of ground and foot together, N s/m",
         Control("ground damping", 500, "N s/m"),
     )
+    friction_spread: EngineNumber = setting(
+        0.0, 0, 1, "share of the friction that a stone or a step may lack", Control("friction varies", 0.05)
+    )
     slope: Number = setting(
         0.0, -20, 20, "rise of the ground, unknown to the controller, degrees", Control("slope", 0.5, "degrees")
     )

@@ -15,6 +15,7 @@ IS_KNEE = np.array([0.0, 1.0, 0.0, 1.0])
 COGGING_PERIODS = 60  # of a joint's turn
 ECCENTRIC_PERIODS = 6  # likewise
 DAHL_STIFFNESS = 500.0  # k of `Hysteresis`, N m/rad
+STICKING_STIFFNESS, STRIBECK_RATE = 5000.0, 0.1  # of `StickSlip`, N m/rad and rad/s
 ROTOR_INERTIA = 0.05  # kg m^2, reflected
 GEAR_STIFFNESS = 5000.0  # N m/rad
 GEAR_DAMPING_RATIO = 0.2  # of a rotor against a joint that stands still
@@ -107,8 +108,7 @@ class FadingMotors(Perturbation):
 
     def transmitted(self, memory: Memory, torque: Array, joints: Array, rates: Array) -> Array:
         most = TORQUE_LIMIT * np.maximum(1 - np.abs(rates) / self.no_load_speed, 0)
-        given: Array = np.where(torque * rates > 0, torque.clip(-most, most), torque)
-        return given
+        return np.where(torque * rates > 0, torque.clip(-most, most), torque)
 
 
 class Cogging(Perturbation):
@@ -119,8 +119,7 @@ class Cogging(Perturbation):
     cogging: EngineNumber = setting(0.0, 0, 100, "largest cogging torque of a joint, N m", Control("cogging", 1, "N m"))
 
     def transmitted(self, memory: Memory, torque: Array, joints: Array, rates: Array) -> Array:
-        given: Array = torque - self.cogging * np.sin(COGGING_PERIODS * joints)
-        return given
+        return torque - self.cogging * np.sin(COGGING_PERIODS * joints)
 
 
 class EccentricGears(Perturbation):
@@ -131,8 +130,7 @@ class EccentricGears(Perturbation):
     gear_eccentricity: EngineNumber = setting(0.0, 0, 2, "how far a gear's ratio varies, as a share of it")
 
     def transmitted(self, memory: Memory, torque: Array, joints: Array, rates: Array) -> Array:
-        given: Array = torque * (1 + self.gear_eccentricity * np.sin(ECCENTRIC_PERIODS * joints))
-        return given
+        return torque * (1 + self.gear_eccentricity * np.sin(ECCENTRIC_PERIODS * joints))
 
 
 class SharedSupply(Perturbation):
@@ -145,7 +143,50 @@ class SharedSupply(Perturbation):
     def transmitted(self, memory: Memory, torque: Array, joints: Array, rates: Array) -> Array:
         power = torque * rates
         drawn = power.clip(0).sum()
-        given: Array = np.where(power > 0, torque * min(self.supply_power / max(drawn, 1e-9), 1), torque)
+        return np.where(power > 0, torque * min(self.supply_power / max(drawn, 1e-9), 1), torque)
+
+
+class LostCommands(Perturbation):
+    """A bus that loses a tick's command or not, whatever became of the last; the joints get what they got before.
+
+    An episode begins with no torque.
+    """
+
+    order = 508
+
+    command_dropout: EngineNumber = setting(
+        0.0, 0, 0.95, "probability that a tick's command is lost", Control("lost commands", 0.01)
+    )
+
+    def begin(self, memory: Memory) -> None:
+        memory.substep, memory.is_lost, memory.given = 0, False, np.zeros(JOINTS)
+
+    def transmitted(self, memory: Memory, torque: Array, joints: Array, rates: Array) -> Array:
+        if memory.substep % memory.parameters.substeps == 0:
+            memory.is_lost = memory.rng.random() < self.command_dropout
+        memory.substep += 1
+        memory.given = memory.given if memory.is_lost else torque
+        return memory.given
+
+
+class HotMotors(Perturbation):
+    """Motors whose torque constant falls as they heat up: the torque is over 1 + a E.
+
+    E is the integral of (torque / TORQUE_LIMIT)^2 since the reset, s. They cool more slowly than anyone walks.
+    """
+
+    order = 509
+
+    motor_heating: EngineNumber = setting(
+        0.0, 0, 10, "a in a motor's torque over 1 + a E, E its heat, 1/s", Control("motors' heat", 0.05, "1/s", high=2)
+    )
+
+    def begin(self, memory: Memory) -> None:
+        memory.heat = np.zeros(JOINTS)
+
+    def transmitted(self, memory: Memory, torque: Array, joints: Array, rates: Array) -> Array:
+        given: Array = torque / (1 + self.motor_heating * memory.heat)
+        memory.heat = memory.heat + SUBSTEP_SECONDS * (torque / TORQUE_LIMIT) ** 2
         return given
 
 
@@ -167,11 +208,36 @@ class Hysteresis(Perturbation):
         memory.friction = np.zeros(JOINTS)
 
     def transmitted(self, memory: Memory, torque: Array, joints: Array, rates: Array) -> Array:
-        turned = SUBSTEP_SECONDS * rates
-        end = self.hysteresis * np.sign(turned)
-        memory.friction = end + (memory.friction - end) * np.exp(-DAHL_STIFFNESS * np.abs(turned) / self.hysteresis)
-        left: Array = torque - memory.friction
-        return left
+        return torque - dahl(memory, DAHL_STIFFNESS, self.hysteresis, rates)
+
+
+class StickSlip(Perturbation):
+    """Joints that stick and let go: Dahl's friction, stiffer, with an F that falls as the joint turns (R. Stribeck).
+
+    At the rate r it is F (1 + exp(-(r / STRIBECK_RATE)^2)) / 2.
+    """
+
+    order = 511
+
+    stick_slip: EngineNumber = setting(
+        0.0, 0, 400, "friction at which a joint breaks away, twice that in motion, N m", Control("stick-slip", 1, "N m")
+    )
+
+    def begin(self, memory: Memory) -> None:
+        memory.friction = np.zeros(JOINTS)
+
+    def transmitted(self, memory: Memory, torque: Array, joints: Array, rates: Array) -> Array:
+        most = self.stick_slip * (1 + np.exp(-((rates / STRIBECK_RATE) ** 2))) / 2
+        return torque - dahl(memory, STICKING_STIFFNESS, most, rates)
+
+
+def dahl(memory: Memory, stiffness: float, most: float | Array, rates: Array) -> Array:
+    """The memory's friction (4,), N m, after a substep at these rates."""
+    turned = SUBSTEP_SECONDS * rates
+    end = most * np.sign(turned)
+    friction: Array = end + (memory.friction - end) * np.exp(-stiffness * np.abs(turned) / most)
+    memory.friction = friction
+    return friction
 
 
 class Gears(Perturbation):

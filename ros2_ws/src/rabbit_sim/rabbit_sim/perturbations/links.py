@@ -14,7 +14,7 @@ from rabbit_sim.plant import FOOT_RADIUS
 
 LEFT_LEG = ("left_thigh", "left_shin")
 DISTAL_JOINTS = ("left_knee", "left_ankle", "right_knee", "right_ankle")
-PENDULUM = "swing_payload"
+PENDULUM, CART = "swing_payload", "sliding_payload"
 BOB_RADIUS = 1e-3  # m, of gyration
 LEAST_PENDULUM = 1e-6  # kg; MuJoCo takes no moving body whose inertia is below 1e-15 kg m^2
 
@@ -58,7 +58,7 @@ class RollingFoot(Perturbation):
 
 
 class Payload(Perturbation):
-    """A point mass fixed to the torso, and one that hangs from it and swings; `mass_scale` scales neither."""
+    """A point mass fixed to the torso, one that hangs from it and swings, and one that slides; none is scaled."""
 
     order = 20
     acts_always = True  # with 0 kg too: (m h) / m is not always h to the last bit, and walks are kept to it
@@ -75,10 +75,16 @@ class Payload(Perturbation):
     )
     swing_length: Number = setting(0.3, 0.05, 2, "length of the pendulum, m")
 
+    sliding_payload: EngineNumber = setting(
+        0.0, 0, 100, "mass that slides to and fro at payload_height, kg", Control("sliding payload", 1, "kg")
+    )
+    slide_length: Number = setting(0.1, 0.001, 0.5, "way of the sliding payload from the middle to either stop, m")
+
     @model_validator(mode="after")
-    def _pendulum_has_mass(self) -> "Payload":
-        if 0 < self.swing_payload < LEAST_PENDULUM:
-            raise ValueError(f"swing_payload = {self.swing_payload:g}: expected 0 or at least {LEAST_PENDULUM:g} kg")
+    def _what_moves_has_mass(self) -> "Payload":
+        for name in (PENDULUM, CART):
+            if 0 < (mass := getattr(self, name)) < LEAST_PENDULUM:
+                raise ValueError(f"{name} = {mass:g}: expected 0 or at least {LEAST_PENDULUM:g} kg")
         return self
 
     def change_robot(self, robot: Element) -> None:
@@ -99,21 +105,26 @@ class Payload(Perturbation):
             inertia.set(name, repr(float(inertia.attrib[name]) + reduced * square))
 
     def attach(self, robot: Element) -> None:
-        """A point mass on a massless rod, free to swing about the torso."""
-        if not self.swing_payload:
-            return
-        joint = SubElement(robot, "joint", name=PENDULUM, type="revolute")
-        SubElement(joint, "limit", lower="-1000", upper="1000", effort="0", velocity="1000")
-        SubElement(joint, "parent", link="torso")
-        SubElement(joint, "child", link=f"{PENDULUM}_bob")
-        SubElement(joint, "origin", xyz=f"0 0 {self.payload_height!r}")
-        SubElement(joint, "axis", xyz="0 1 0")
-        inertial = SubElement(SubElement(robot, "link", name=f"{PENDULUM}_bob"), "inertial")
-        SubElement(inertial, "origin", xyz=f"0 0 {-self.swing_length!r}")
-        SubElement(inertial, "mass", value=repr(self.swing_payload))
-        small = repr(self.swing_payload * BOB_RADIUS**2)
-        SubElement(inertial, "inertia", ixx=small, iyy=small, izz=small, ixy="0", ixz="0", iyz="0")
+        """Point masses: on a massless rod, free to swing about the torso; on a rail ahead, without friction."""
+        for name, kind, axis, below, way in (
+            (PENDULUM, "revolute", "0 1 0", self.swing_length, 1000.0),
+            (CART, "prismatic", "1 0 0", 0.0, self.slide_length),
+        ):
+            if not (mass := getattr(self, name)):
+                continue
+            joint = SubElement(robot, "joint", name=name, type=kind)
+            SubElement(joint, "limit", lower=repr(-way), upper=repr(way), effort="0", velocity="1000")
+            SubElement(joint, "parent", link="torso")
+            SubElement(joint, "child", link=f"{name}_bob")
+            SubElement(joint, "origin", xyz=f"0 0 {self.payload_height!r}")
+            SubElement(joint, "axis", xyz=axis)
+            inertial = SubElement(SubElement(robot, "link", name=f"{name}_bob"), "inertial")
+            SubElement(inertial, "origin", xyz=f"0 0 {-below!r}")
+            SubElement(inertial, "mass", value=repr(mass))
+            small = repr(mass * BOB_RADIUS**2)
+            SubElement(inertial, "inertia", ixx=small, iyy=small, izz=small, ixy="0", ixz="0", iyz="0")
 
     def attached_at(self, q: Array, dq: Array, slope: float) -> dict[str, tuple[float, float]]:
-        """It hangs along gravity, and does not turn."""
-        return {PENDULUM: (slope - q[2], -dq[2])} if self.swing_payload else {}
+        """The pendulum hangs along gravity and does not turn; what slides is in the middle and goes with the torso."""
+        begins = {PENDULUM: (slope - q[2], -dq[2]), CART: (0.0, 0.0)}
+        return {name: state for name, state in begins.items() if getattr(self, name)}

@@ -84,8 +84,7 @@ class DeadZone(Perturbation):
     )
 
     def drive(self, torques: Array, state: Array) -> Array:
-        given: Array = torques - np.clip(torques, -self.dead_zone, self.dead_zone)
-        return given
+        return torques - np.clip(torques, -self.dead_zone, self.dead_zone)
 
 
 class TorqueRate(Perturbation):
@@ -129,8 +128,7 @@ class MotorGains(Perturbation):
 
     def drive(self, torques: Array, state: Array) -> Array:
         gains = np.concatenate([getattr(self, f"{joint}_gain") for joint in ACTUATED], axis=2)
-        given: Array = gains * (1.0 - self.motor_loss) * torques
-        return given
+        return gains * (1.0 - self.motor_loss) * torques
 
 
 class SecondOrderMotors(Perturbation):
@@ -202,8 +200,7 @@ class MotorLag(Perturbation):
         ends = from_torque * state + from_drive @ torques
         starts = np.concatenate([state, ends[:, :-1]], axis=1)
         state[:] = ends[:, -1:]
-        held: Array = torques + mean * (starts - torques)
-        return held
+        return torques + mean * (starts - torques)
 
 
 @lru_cache(maxsize=4096)
