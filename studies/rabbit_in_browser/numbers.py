@@ -70,16 +70,17 @@ def controller(number: int, made: Controller) -> dict[str, Any]:
         "clf_rate": ResClf(4, 1.0, (parameters.kp, parameters.kd)).rate,  # at eps = 1
     }
     report = report_of(made)
-    inside = {"seen": f.seen.places, "answer": f.answer.places}
-    within = {name: ends_of(places, report.places[name][0].start) for name, places in inside.items()}
     is_learned = isinstance(made.policy, ActorPolicy)
-    estimates = {} if is_learned or not f.identifies else {name: f"identified_{name}" for name in ("alpha", "beta")}
+    inside = {"seen": f.seen.places, "answer": f.answer.places}
+    inside |= {"adapted": f.estimates.places} if f.identifies and not is_learned else {}
+    places = ends_of(report.places)
+    for name, parts in inside.items():
+        places |= ends_of(parts, places[name][0])
     return {
         **{"module": f"controller_{number}.wasm", "gait": parameters.gait, "is_learned": is_learned},
         **{"parameters": parameters.model_dump(mode="json"), "about": about, "tick_seconds": TICK_SECONDS},
         **{"memory": row(f.memory), "reading": row(f.reading), "settings": row(f.settings)},
-        "report": {**row(report), "places": {**ends_of(report.places), **within["seen"], **within["answer"]}},
-        "estimates": estimates,
+        "report": {**row(report), "places": places},
         "columns": RowMaker(about, made.qp.names, made.barrier_names).columns,
     }
 

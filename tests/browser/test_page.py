@@ -12,6 +12,7 @@ from chromium import Chromium, Page
 from rabbit_command import RABBIT
 from served import Served
 
+WHY = "document.querySelector('#why pre').textContent"
 DRAWN = "rabbit.state.pictures > 5 && rabbit.controls.state"
 
 
@@ -77,6 +78,16 @@ def test_a_first_visit_sees_the_walk_the_fall_and_why(chromium: Chromium) -> Non
         said = page.look("document.querySelector('#happened').textContent")
         assert said == page.look("rabbit.state.ended[1].reason")
         assert said.startswith("tuned fell after 8 stones. It could not keep the row")
+        page.click("#things button")
+        page.wait("!document.querySelector('#why').hidden")
+        assert page.look("document.querySelector('#happened').textContent") == said
+        row = r"CLF was kept in the model.*promised (\S+), measured (\S+),"
+        ((promised, measured),) = re.findall(row, page.look(WHY))
+        assert f"fall by {promised.lstrip('-')} " in said
+        assert f"rose by {measured}, " in said
+        assert page.look("document.querySelector('#why').getBoundingClientRect().bottom <= innerHeight")
+        page.press("Escape")
+        assert page.look("document.querySelector('#why').hidden")
         lying = f"{walk}.get({walk}.fall.to, 'hip_z') - {walk}.get({walk}.fall.to, 'stone_top')"
         assert page.look(lying) < 0.35
         page.wait("rabbit.state.ended[0]?.outcome === 'walked'")

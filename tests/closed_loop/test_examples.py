@@ -55,6 +55,19 @@ def test_cruise_control_of_a_lighter_car_breaks_the_limit_without_it():
     assert max(cruise.drive(0.5, perfect=False)) > cruise.V_LIMIT + 0.05
 
 
+def test_ppo_learns_in_gymnasium_and_writes_its_curve(tmp_path, monkeypatch):
+    pytest.importorskip("rabbit_rivals", reason="the studies are not installed")
+    events = pytest.importorskip("tensorboard.backend.event_processing.event_accumulator")
+    monkeypatch.setattr(sys, "argv", ["train_ppo.py", str(tmp_path), "1024"])
+    load("train_ppo")
+    read = events.EventAccumulator(str(tmp_path / "PPO_1"))
+    read.Reload()
+    (curve,) = read.Scalars("rollout/ep_rew_mean")
+    assert curve.step == 1024
+    assert curve.value < 0  # minus squared errors
+    assert (tmp_path / "ppo.zip").exists()
+
+
 def test_notebook_goes_from_a_policy_to_the_figures(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(sys, "argv", ["notebook.py", "--runs", "3", "--stones", "4", "--out", str(tmp_path)])
     notebook = load("notebook")

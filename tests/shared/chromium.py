@@ -141,6 +141,10 @@ class Page:
         for kind in ("mousePressed", "mouseReleased"):
             self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
 
+    def press(self, key: str) -> None:
+        """A key."""
+        self.call("Input.dispatchKeyEvent", type="keyDown", key=key)
+
     def drag(self, selector: str, share: float) -> None:
         """A slider's thumb, with the mouse, from where it is to a share of its width."""
         box = self._box(selector)

@@ -55,10 +55,10 @@ export class Controller {
     this.compiled.exports.controller_step(...this.at);
     const row = this.compiled.numbers(this.at[3], this.choice.report.size).slice();
     const part = (name) => row.subarray(...this.choice.report.places[name]), number = (name) => part(name)[0];
-    const {estimates, about: {quantities}} = this.choice;
+    const {about: {quantities}, report: {places: told}} = this.choice;
     const none = {alpha: new Float64Array(4 * quantities.length), beta: new Float64Array(quantities.length)};
     const values = Object.fromEntries(["V", "barriers", "measured", "nominal_a", "nominal_b", "mu", "slack_sums", "residual"].map((name) => [name, part(name)]));
-    for (const name of ["alpha", "beta"]) values[name] = this.choice.is_learned ? part(name) : estimates[name] ? part(estimates[name]) : none[name];
+    for (const name of ["alpha", "beta"]) values[name] = name in told ? part(name) : none[name];
     const [stance, index] = [number("stance"), number("index")];
     const disagreement = number("fault") === 1 ? `contact disagreement: ${touchdowns} touchdowns, ${index} steps` : FAULTS[number("fault")] ?? "";
     return {values, torque: Array.from(part("command")), stance, index, fault: number("refused") ? "the state is refused" : disagreement};

@@ -3,8 +3,7 @@
 from launch import LaunchDescription
 from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration
-from launch_ros.actions import Node
-from rabbit_bringup.ros.launch_actions import arguments, arguments_of, node
+from rabbit_bringup.ros.launch_actions import arguments, arguments_of, node, rviz
 from rabbit_common.options import Defaults
 from rabbit_viewer.live.parameters import ViewerParameters
 
@@ -17,12 +16,6 @@ def generate_launch_description() -> LaunchDescription:
             *arguments(rviz=("false", "start rviz2 too")),
             *arguments_of(ViewerParameters, defaults=waits),
             node("viewer", [{name: LaunchConfiguration(name) for name in ViewerParameters.model_fields}]),
-            Node(
-                package="rviz2",
-                executable="rviz2",
-                namespace=LaunchConfiguration("namespace"),
-                remappings=[("/tf", "tf"), ("/clock", "clock")],
-                condition=IfCondition(LaunchConfiguration("rviz")),
-            ),
+            rviz(LaunchConfiguration("namespace"), IfCondition(LaunchConfiguration("rviz"))),
         ]
     )

@@ -1,21 +1,23 @@
 """`ros2 launch rabbit_bringup walk.launch.py seed:=3 mass_scale:=1.5`: `rabbit walk` under `ros2 launch`.
 
-Its arguments are the options of `rabbit walk`. That command waits until all nodes are ready and lets them walk. Then it
-reports how each episode ended, stops its nodes and writes the summary. It does not stop other nodes of your launch. If
-the walk fails, the launch ends with exit code 1. graph.launch.py has the nodes themselves.
+Its arguments are the options of `rabbit walk`; `view:=rviz` starts RViz beside the page. That command waits until all
+nodes are ready and lets them walk. Then it reports how each episode ended, stops its nodes and writes the summary. It
+does not stop other nodes of your launch. If the walk fails, the launch ends with exit code 1. graph.launch.py has the
+nodes themselves.
 """
 
 import shlex
 
 from launch import LaunchContext, LaunchDescription
-from launch.actions import ExecuteProcess, OpaqueFunction
+from launch.actions import Action, ExecuteProcess, OpaqueFunction
 from launch.events.process import ProcessExited
 from rabbit_bringup.commands.walk import DEFAULTS, MODELS
 from rabbit_bringup.launching.processes import PATIENCE
-from rabbit_bringup.ros.launch_actions import arguments_of, given_of
+from rabbit_bringup.ros.launch_actions import arguments_of, given_of, rviz
 from rabbit_common.exit_codes import ExitCode
 from rabbit_common.options import Defaults
 
+RVIZ = "rviz"  # a value of `view` that `rabbit walk` has not
 LONGEST = str(4 * PATIENCE)  # s for the walk to end: it waits for three groups of nodes in turn
 
 
@@ -26,19 +28,22 @@ def generate_launch_description() -> LaunchDescription:
         [
             OpaqueFunction(function=lambda context: given.update(context.launch_configurations)),  # and no defaults
             *arguments_of(*MODELS, defaults=DEFAULTS),
-            OpaqueFunction(function=lambda _: [walk(given)]),
+            OpaqueFunction(function=lambda _: walk(given)),
         ]
     )
 
 
-def walk(given: dict[str, str]) -> ExecuteProcess:
+def walk(given: dict[str, str]) -> list[Action]:
     """`rabbit walk` under the arguments that were given, in the namespace that an including launch file pushed."""
+    shown = [rviz(given.get("namespace", ""))] if given.get("view") == RVIZ else []
+    given |= {"view": "true"} if shown else {}
     space = namespace(given.get("ros_namespace", ""), given.get("namespace", ""))
     words = shlex.split(given_of(given, Defaults(), *MODELS).typed(but=("namespace",)))
     command = ["rabbit", "walk", f"--namespace={space}", *words]
-    return ExecuteProcess(
+    walking = ExecuteProcess(
         cmd=command, name="walk", output="screen", sigterm_timeout=LONGEST, sigkill_timeout=LONGEST, on_exit=over
     )
+    return [walking, *shown]
 
 
 def over(event: ProcessExited, context: LaunchContext) -> None:

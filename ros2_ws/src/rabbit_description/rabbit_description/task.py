@@ -123,7 +123,8 @@ class ControlTask:
         constraints: further rows, under the model, see `Tick`: nothing of them is learned.
         objective: see `Tick`; None: the least mu.
         coordinates: names of q; none: x1, x2, ... inputs: names of u; none: u1, u2, ...
-        draw: shapes in the plane for a state x and parameters p (a mapping by name).
+        draw: shapes in the plane for a state x and parameters p (a mapping by name); None: the state in the
+            plane of its first two components.
         controllers: further ones by name, u (m,) of (x, p): end to end, without a QP.
         plant: the next state of (x, p, u) in place of the system's own integration.
         impact: where the state jumps; impacts: an episode is done after so many, and has failed if it has fewer.
@@ -205,9 +206,13 @@ class ControlTask:
         """What a policy reads, by name."""
         if self.observation is not None:
             return self.observation
-        x = self.system.x
-        named = list(self.coordinates) + [f"d{each}" for each in self.coordinates]
-        return {named[i] if i < len(named) else f"x{i + 1}": x[i] for i in range(x.numel())}
+        return dict(zip(self.names_of_x, ca.vertsplit(self.system.x), strict=True))
+
+    @property
+    def names_of_x(self) -> tuple[str, ...]:
+        """Of the state's components."""
+        named = [*self.coordinates, *(f"d{name}" for name in self.coordinates)]
+        return tuple(named[i] if i < len(named) else f"x{i + 1}" for i in range(self.system.x.numel()))
 
     @property
     def names_of_q(self) -> tuple[str, ...]:

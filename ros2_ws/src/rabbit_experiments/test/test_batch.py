@@ -7,8 +7,10 @@ from dataclasses import replace
 from itertools import product
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
+from gymnasium.utils.env_checker import check_env
 from rabbit_description.gait import load_gaits
 from rabbit_description.robot_states import RobotStates
 from rabbit_description.state import StonePreview
@@ -262,3 +264,20 @@ def test_the_vector_environment_is_one_robot_row_by_row() -> None:
                 ends += 1
                 assert np.array_equal(about["final_obs"][0], info["final_obs"][i])
     assert ends > 1
+
+
+def test_gymnasium_makes_it_by_its_name_and_finds_no_fault() -> None:
+    """One robot and two walk the same course from the same seed."""
+    name = "rabbit_experiments.registered:Rabbit-v0"
+    one, two = gymnasium.make(name, stones=2), gymnasium.make_vec(name, num_envs=2, stones=2)
+    check_env(one.unwrapped)
+    observed, (rows, _) = one.reset(seed=3)[0], two.reset(seed=3)
+    action = np.full(one.action_space.shape, 0.1, np.float32)
+    for _ in range(100):
+        np.testing.assert_array_equal(observed, rows[0])
+        observed, reward, failed, cut, _ = one.step(action)
+        rows, rewards, *_ = two.step(np.stack([action, 0 * action]))
+        assert reward == rewards[0]
+        if failed or cut:
+            break
+    assert failed or cut

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from rabbit_description.state import TICK_SECONDS
+from rabbit_description.state import TICK_SECONDS, Array
 from rl_cbf_clf_controller.explanation import Explanation, Words, changes, explain
 from rl_trainer.rollout import Record
 
@@ -50,6 +50,11 @@ class ExplainedTick:
 
 
 Explained = tuple[Record, Explanation]
+
+
+def measured_over(after: Record | None) -> Array | None:
+    """The quantities (k,) over a tick, as the tick `after` it measured them; None where it did not."""
+    return None if after is None or not after.output.measured.size else after.output.measured
 
 
 def explained_tick(
@@ -107,7 +112,7 @@ def explain_tick(path: Path, tick: int | None = None, number: int | None = None)
                 if off > ROUNDING:
                     raise RecordingError(f"{here}: its replay is off by {off:.3g} N m in tick {output.tick}")
                 decided = controller.qp, scene.x, scene.p, controller.estimates, controller.decided
-                explained.append((record, explain(*decided)))
+                explained.append((record, explain(*decided, measured_over(records.get(output.tick + 1)))))
     *before, now = explained
     is_set = tick in [settings.tick for settings in episode.settings]
     of = f"episode {episode.number}"

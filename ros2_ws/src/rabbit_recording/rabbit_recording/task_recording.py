@@ -20,7 +20,7 @@ from rl_trainer.task_episode import Ride, moment_of
 
 from rabbit_recording.bag_writer import BagWriter, graph_types, offered
 from rabbit_recording.checking import replayed
-from rabbit_recording.explaining import ExplainedTick
+from rabbit_recording.explaining import ExplainedTick, measured_over
 from rabbit_recording.open_recording import one_line_errors
 from rabbit_recording.reader import last_episode
 
@@ -112,7 +112,9 @@ def explain_ride(ride: Ride, tick: int | None = None) -> ExplainedTick:
     now, *before = [ride.moments[k] for k in (tick, tick - 1) if k >= 0]
     if now.decided is None:
         raise ValueError(f"tick {tick} of {ride.controller}: it has no QP")
-    explanation, *others = [explain(ride.task.tick, m.x, m.p, m.estimates, m.decided) for m in (now, *before)]
+    after = measured_over(ride.moments[tick + 1] if tick + 1 < len(ride.moments) else None)
+    explanation = explain(ride.task.tick, now.x, now.p, now.estimates, now.decided, after)
+    others = [explain(ride.task.tick, m.x, m.p, m.estimates, m.decided) for m in before]
     changed = changes(others[0], explanation) or ["no row changed"] if others else ["it is the first"]
     title = f"{ride.task.name}, {ride.controller}, tick {tick} ({now.output.step_time:.2f} s)"
     return ExplainedTick(title, f"answered by {now.decided.solver}", explanation, changed)

@@ -1,5 +1,6 @@
 """Pictures of rides: margins of many, all rows of one with their limits, and a film of what `draw` makes of it."""
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
@@ -56,7 +57,7 @@ def draw_rows(ride: Ride, path: Path) -> Path:
         figure, places = style.figure(len(panels), height=1.9)
         for panel, axes in zip(panels, places, strict=True):
             for i, name in enumerate(panel["columns"]):
-                label = name.removeprefix("u_").removeprefix("slack_")
+                label = re.sub("^(u|x|slack)_", "", name)
                 axes.plot(time, values[name], color=COLOURS[i % len(COLOURS)], label=label)
             for i, limit in enumerate(panel.get("limits", ())):
                 style.limit(axes, limit, "" if i else "limit")

@@ -32,7 +32,7 @@ def draw_pictures(
     """
     from rabbit_viewer.pictures import draw  # a played walk does without matplotlib
 
-    return draw(records_of(source, episode), out or _place(source, "pictures", "-pictures"), f".{form}", columns)
+    return draw(records_of(source, episode), out or place_of(source, "pictures", "-pictures"), f".{form}", columns)
 
 
 def film_walk(
@@ -47,7 +47,7 @@ def film_walk(
     from rabbit_viewer.video import film
 
     walks = [with_fall(records_of(source, episode)), *([with_fall(records_of(beside))] if beside else [])]
-    return film(walks, _place(source, "walk.mp4", ".mp4"), speed, gif)
+    return film(walks, place_of(source, "walk.mp4", ".mp4"), speed, gif)
 
 
 def records_of(source: Path, episode: int | None = None) -> WalkRecords:
@@ -55,7 +55,7 @@ def records_of(source: Path, episode: int | None = None) -> WalkRecords:
     return load_records(source / RECORDS) if exists(source / RECORDS) else records_of_bag(source, episode)
 
 
-def _place(source: Path, name: str, suffix: str) -> Path:
+def place_of(source: Path, name: str, suffix: str) -> Path:
     """In a run's folder, or next to a recording."""
     is_run = exists(source / RECORDS)
     return source / name if is_run else source.with_name(f"{source.resolve().stem}{suffix}")

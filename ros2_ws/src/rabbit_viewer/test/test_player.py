@@ -126,7 +126,8 @@ def test_why_it_fell_is_the_barrier_that_its_foot_was_beyond(played: Callable[..
     lines = one.words["explained"]["lines"]
     assert lines[0].startswith(f"robot tuned, tick {ended['tick']} ")
     (row,) = [line.split() for line in lines if re.match("B1 +at least", line)]
-    assert f"promised {row[7]} m/s²" in ended["reason"]
+    promised, measured, off = row[7:10]
+    assert f"promised {promised} m/s², {measured} was measured, {off.lstrip('-')} off" in ended["reason"]
 
 
 def bad_message(rng: random.Random, good: list[str]) -> str:

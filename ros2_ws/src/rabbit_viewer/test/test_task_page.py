@@ -7,9 +7,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
+from cbf_clf_qp import Barrier, System
 from own_cart import CART, LIMIT
+from rabbit_description.task import ControlTask
 from rabbit_description.task_source import load_task
 from rabbit_recording.task_recording import explain_ride
 from rabbit_viewer.page.broadcast import Broadcast
@@ -17,6 +20,7 @@ from rabbit_viewer.page.ride import RideRows
 from rabbit_viewer.play.messages import ASKED
 from rabbit_viewer.play.serving import Door, tell
 from rabbit_viewer.play.task_player import Start, TaskPlayer, altered, check_asked, rates_of, settings_of
+from rabbit_viewer.state_picture import StatePicture
 from rl_cbf_clf_controller.task_controller import TaskController
 from rl_trainer.task_episode import ride_of
 
@@ -162,3 +166,22 @@ def test_the_door_refuses_in_one_line(start: Start, message: dict[str, Any], sai
     assert said in line
     assert "\n" not in line
     assert passed == []
+
+
+def test_a_task_without_draw_shows_its_state_and_where_its_barriers_are_zero() -> None:
+    """In the plane of x and dx: a wall is a vertical line, an ellipse an ellipse; what depends on more is not drawn."""
+    x, v, w, u, wall = (ca.SX.sym(name) for name in ("x", "v", "w", "u", "wall"))
+    system = System(ca.vertcat(x, v, w), u, ca.vertcat(v, w, u), [wall])
+    shown = [Barrier("wall", wall - x, poles=(4, 4, 4)), Barrier("ellipse", 1 - x**2 - v**2 / 4, poles=(4, 4))]
+    quantities = [*shown, Barrier("w", 1 - w, poles=(4,))]
+    start = ((-0.2, -0.4, 0), (0.2, 0.4, 0))
+    given = {"nominal": {}, "true": {}, "start": start, "commands": lambda rng: lambda t: {"wall": 0.7}}
+    picture = StatePicture(ControlTask("w", system, quantities, **given))
+    frame, *curves, state = picture.shapes(np.array([0.1, 0.2, 9.0]), np.array([0.7]))
+    half = np.array([0.1, 0.2]) / state.centre  # of the frame, which is around 0
+    points = [np.asarray(curve.points) * half for curve in curves]
+    assert np.abs(np.asarray(frame.points)).max() == 1
+    straight, round_ = sorted(points, key=lambda line: np.ptp(line[:, 0]))
+    np.testing.assert_allclose(straight[:, 0], 0.7, atol=1e-9)
+    np.testing.assert_allclose(round_[:, 0] ** 2 + round_[:, 1] ** 2 / 4, 1, atol=0.03)
+    assert picture.note[0] == "x1 to the right, x2 up"

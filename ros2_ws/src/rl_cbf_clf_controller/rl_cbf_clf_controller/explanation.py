@@ -32,6 +32,7 @@ from cbf_clf_qp.quantity import Rows
 from cbf_clf_qp.tick import Tick
 
 GAP = 1e-6  # of rows that exclude each other, over 1 + |mu|; a smaller one is a solver's tolerance
+BROKEN = 0.01  # a row that was measured to be beyond its bound by less, of its sizes, is kept
 CHANGED = 0.1  # a share of the estimates that changes by less, over the larger one, is not told
 Words = Mapping[str, tuple[str, str]]  # by a row's name: what it is for, and its unit
 
@@ -40,9 +41,10 @@ Words = Mapping[str, tuple[str, str]]  # by a row's name: what it is for, and it
 class Row:
     """A row `lower <= value <= upper` of the QP in its own units, at the mu that was found.
 
-    Its value is what the nominal model says and the share of the estimates, alpha mu + beta. `gives_way`: by how much
-    the value is beyond its bound. `slack`, `multiplier`: as `Decided` has them. `kind`: hard, last resort or soft.
-    `normal` (m,), `bounds` (2,): the row over the inputs w of `Explanation`, bounds[0] <= normal w <= bounds[1].
+    Its value is what the nominal model says and the share of the estimates, alpha mu + beta: what is promised.
+    `measured`: what it became over the tick, NaN where nobody knows. `gives_way`: by how much the value is beyond its
+    bound. `slack`, `multiplier`: as `Decided` has them. `kind`: hard, last resort or soft. `normal` (m,), `bounds`
+    (2,): the row over the inputs w of `Explanation`, bounds[0] <= normal w <= bounds[1].
     """
 
     name: str
@@ -51,6 +53,7 @@ class Row:
     upper: float
     nominal: float
     estimated: float
+    measured: float
     gives_way: float
     slack: float
     multiplier: float
@@ -60,8 +63,14 @@ class Row:
 
     @property
     def value(self) -> float:
-        """In all."""
+        """Promised: in all."""
         return self.nominal + self.estimated
+
+    @property
+    def is_broken(self) -> bool:
+        """Whether the row was kept as promised, but for rounding, and not as measured."""
+        beyond = max(self.measured - self.upper, self.lower - self.measured)
+        return beyond > BROKEN * (abs(self.value) + abs(self.measured)) >= self.gives_way
 
     @property
     def asks(self) -> str:
@@ -106,21 +115,24 @@ class Explanation:
 
     def lines(self, words: Words | None = None) -> list[str]:
         """All of it in words."""
-        words, table = words or {}, []
+        words, table, is_measured = words or {}, [], any(np.isfinite(row.measured) for row in self.rows)
         for row in self.rows:
-            numbers = row.nominal, row.estimated, row.value, row.gives_way, abs(row.multiplier)
+            numbers = [row.nominal, row.estimated, row.value, row.gives_way, abs(row.multiplier)]
+            numbers[3:3] = [row.measured, row.measured - row.value] if is_measured else []
             cells = "".join(f"{number(each):>11}" for each in numbers)
             kind, (meaning, unit) = f"{row.kind}, {row.state}".rstrip(", "), meaning_of(row.name, words)
             table.append(f"{row.name:8}{f'{row.asks} {unit}':24}{cells}  {kind:22}  {meaning}".rstrip())
-        head = "".join(f"{each:>11}" for each in ("model", "estimates", "in all", "gives way", "multiplier"))
+        measured = ("measured", "off by") if is_measured else ()
+        names = "model", "estimates", "promised", *measured, "gives way", "multiplier"
+        head = "".join(f"{name:>11}" for name in names)
         told = [f"{'row':8}{'asks':24}{head}", *table, ""]
-        return [*told, *self._excluding(words), *self._needed(words), *self._paying()]
+        return [*told, *self._broken(words), *self._excluding(words), *self._needed(words), *self._paying()]
 
     def _excluding(self, words: Words) -> list[str]:
         asked = [f"  {in_words(name, asks, words)}" for name, asks in self.excluding.items()]
         n = len(asked)
         if n == 0:
-            return ["No rows exclude each other: some input meets all rows that are not soft."]
+            return ["No rows exclude each other: in the model some input meets all rows that are not soft."]
         if n == 1:
             return ["No input meets this row:", *asked]
         return [f"No input meets these {n} rows together; without any one of them some input meets the others:", *asked]
@@ -135,7 +147,9 @@ class Explanation:
         size = f"within {size}, {number(self.factor)} times its limit,"
         if self.excluding:
             return [f"With an input {size} no slack of last resort would be needed."]
-        return [f"An input {size} could meet all rows that are not soft."]
+        if self.factor < GAP:
+            return ["In the model all of them are met even without an input."]
+        return [f"In the model an input {size} could meet them."]
 
     def _paying(self) -> list[str]:
         excuse = "" if self.excluding else ", which cost less than an input that meets it"
@@ -146,16 +160,30 @@ class Explanation:
         told = [
             f"{row.name} gives way by {number(row.gives_way)}: {whys[row.kind]}." for row in self.rows if row.gives_way
         ]
-        return told or ["No row gives way."]
+        return told or ["No row gives way in the model."]
+
+    def _broken(self, words: Words) -> list[str]:
+        told = []
+        for row in self.rows:
+            off = f"{number(row.measured - row.value)} {meaning_of(row.name, words)[1]}".rstrip()
+            numbers = f"promised {number(row.value)}, measured {number(row.measured)}, off by {off}"
+            told += [f"{row.name} was kept in the model, not by the robot: {numbers}."] * row.is_broken
+        return told
 
 
 @one_at_a_time
 def explain(
-    tick: Tick, x: Array, p: Array, estimates: Estimates | None = None, decided: Decided | None = None
+    tick: Tick,
+    x: Array,
+    p: Array,
+    estimates: Estimates | None = None,
+    decided: Decided | None = None,
+    measured: Array | None = None,
 ) -> Explanation:
     """Explain what a tick `decided` at the state `x` (n,) with parameters `p`, by default what it decides there now.
 
-    Raises ValueError where no solver answered.
+    `measured`: the tick's quantities (k,) as measured over it, if they are known. Raises ValueError where no solver
+    answered.
     """
     nothing = tick.no_error()
     estimates = estimates or nothing
@@ -164,7 +192,7 @@ def explain(
         raise ValueError(f"no solver answered: {decided.status}")
     values, mu, layout = decided.values, decided.mu, tick.layout
     rows, by_model = (_RowsOverMu(tick.programme(x, p, each), layout.inputs) for each in (estimates, nothing))
-    sign, constant = _constants(tick, x, p, rows)
+    sign, constant, did = _constants(tick, x, p, rows, measured)
     at_mu = rows.A @ mu
     share = sign * (at_mu - by_model.A @ mu - rows.bound + by_model.bound)
     lower, upper = np.sort(sign * ([rows.lower, rows.upper] + constant), axis=0)
@@ -177,7 +205,7 @@ def explain(
     normals = np.linalg.solve(control.a.T, rows.A.T).T
     bounds = np.array([rows.lower, rows.upper]) + normals @ control.b
     names, active = _told_apart(layout.names), values.margin < ROUNDING * (1 + np.linalg.norm(mu))
-    numbers = lower, upper, sign * (at_mu + constant) - share, share, beyond, values.slack, values.multiplier
+    numbers = lower, upper, sign * (at_mu + constant) - share, share, did, beyond, values.slack, values.multiplier
     columns = names, kinds.tolist(), *(each.tolist() for each in (*numbers, active)), normals, bounds.T
     told = tuple(Row(*line) for line in zip(*columns, strict=True))
     programme = _Feasibility(rows, mu, limits=range(len(told) - tick.limits, len(told)))
@@ -200,7 +228,9 @@ def changes(before: Explanation, now: Explanation) -> list[str]:
 
 
 def number(value: float) -> str:
-    """Three digits, or all before the point."""
+    """Three digits, or all before the point; a dash where there is none."""
+    if np.isnan(value):
+        return "-"
     return f"{value:.0f}" if 1000 <= abs(value) < 1e6 else "0" if abs(value) < TINY else f"{value:.3g}"
 
 
@@ -227,8 +257,10 @@ class _RowsOverMu:
         self.norm = np.linalg.norm(self.A, axis=1)
 
 
-def _constants(tick: Tick, x: Array, p: Array, rows: _RowsOverMu) -> tuple[Array, Array]:
+def _constants(tick: Tick, x: Array, p: Array, rows: _RowsOverMu, measured: Array | None) -> tuple[Array, Array, Array]:
     """For each row a sign (k,) and what is to be added (k,), so that value = sign (A mu + constant) is told.
+
+    Then the value (k,) of the `measured` quantities, NaN in a row that has none.
 
     The QP has what does not depend on mu in its bounds. Here a quantity's row has its whole value, and the sign that
     its first quantity has; a limit has u; a further constraint what mu moves.
@@ -244,7 +276,11 @@ def _constants(tick: Tick, x: Array, p: Array, rows: _RowsOverMu) -> tuple[Array
     constant[: len(bound)] = bound - rows.bound[: len(bound)]
     limits = slice(len(rows.A) - tick.limits, None)  # whose bounds on u are even
     constant[limits] = -(rows.lower + rows.upper)[limits] / 2
-    return sign, constant
+    did = np.full(len(rows.A), np.nan)
+    if measured is not None:
+        values = np.where(asked.A, asked.A * measured, 0).sum(axis=1)  # of those that count
+        did[: len(bound)] = sign[: len(bound)] * np.tile(values, tick.cases)
+    return sign, constant, did
 
 
 def _told_apart(names: Sequence[str]) -> list[str]:

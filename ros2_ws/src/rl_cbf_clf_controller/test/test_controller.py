@@ -318,6 +318,21 @@ def test_where_nothing_excludes_the_soft_row_pays() -> None:
     assert any(line.startswith("CLF gives way by") and "soft" in line for line in told.lines())
 
 
+def test_a_row_that_the_model_kept_and_the_cart_did_not_says_so() -> None:
+    """A cart of twice the mass brakes half as much as the model promised, so the wall's row is not kept."""
+    tick, x = cart(), np.array([0.8, 1.0])
+    p = tick.p(left=-9.0, right=0.9)
+    promised = {row.name: row for row in explain(tick, x, p).rows}
+    assert promised["right"].value == pytest.approx(asked(0.1, -1.0), rel=1e-3)
+    B = np.array([promised["left"].value, promised["right"].value]) / 2
+    told = explain(tick, x, p, measured=np.array([np.nan, *B]))
+    rows = {row.name: row for row in told.rows}
+    assert rows["right"].measured == pytest.approx(B[1])
+    assert {name for name, row in rows.items() if row.is_broken} == {"right"}
+    assert {name for name, row in rows.items() if np.isnan(row.measured)} == {"CLF", "u1"}
+    assert any(line.startswith("right was kept in the model, not by the robot: promised") for line in told.lines())
+
+
 def test_a_row_is_the_model_and_the_share_of_the_estimates() -> None:
     alpha, beta = np.array([[0.0], [0.3], [0.5]]), np.array([0.0, 1.0, -4.0])
     told = explained(cart(), x=0.8, v=1.0, alpha=alpha, beta=beta)

@@ -67,6 +67,19 @@ def switch(name: str, said: str) -> bool:
     return SWITCH[said.lower()]
 
 
+def rviz(namespace: Any, condition: Any = None) -> Node:
+    """RViz with the layout of a walk; it needs rviz2."""
+    layout = f"{get_package_share_directory('rabbit_bringup')}/config/walk.rviz"
+    return Node(
+        package="rviz2",
+        executable="rviz2",
+        namespace=namespace,
+        arguments=["-d", layout],
+        remappings=[("/tf", "tf"), ("/clock", "clock")],
+        condition=condition,
+    )
+
+
 def node(name: str, parameters: Sequence[Any], **more: Any) -> Node:
     """Start one of the graph's nodes; `parameters`: those beneath `params_file`."""
     return Node(

@@ -38,6 +38,7 @@ class EvaluationOptions(WalkOptions):
     cluster: str | None = Field(None, description=ABOUT_CLUSTER)
     batch: int = Field(BATCH, ge=1, le=4096, description=ABOUT_BATCH)
     pictures: bool = Field(False, description="draw the first run")
+    rerun: bool = Field(False, description="write the first run for Rerun's viewer")
     overwrite: bool = Field(False, description="begin again in a folder of another evaluation")
 
 
@@ -59,10 +60,14 @@ def evaluate(given: Given) -> None:
     results, made = walk_all(scenario, folder, who_runs(request.jobs, request.cluster), request.batch)
     show(conclude(scenario, folder, results, about))
     print(f"{made} runs made; written {out}")
-    if request.pictures:
+    if request.pictures or request.rerun:
         scenario.recorded.write(scenario.recorded.do(), out / RECORDS)  # the first run again, the same
+    if request.pictures:
         for path in load("rabbit.pictures", "recording")(out):  # of rabbit_viewer, which imports this package
             print(f"drawn {path}")
+    if request.rerun:
+        with complaints(RuntimeError):
+            print(f"written {load('rabbit.pictures', 'rerun')(out)}")
 
 
 def given_assembly(given: Given, policy: str | None = None, parameters: str = "ours", oracle: bool = True) -> Any:

@@ -1,4 +1,4 @@
-"""Recordings: record, info, show, play, plot, check, explain, recover."""
+"""Recordings: record, info, show, play, plot, rerun, check, explain, recover."""
 
 import json
 import os
@@ -155,6 +155,17 @@ def plot(
         else:
             drawn = brought("recording")(source, out, episode, form, columns)
         print(*drawn, sep="\n")
+
+
+@app.command()
+def rerun(
+    source: Source,
+    out: Annotated[Path | None, typer.Option(help="file (default: SOURCE.rrd or RUN/walk.rrd)")] = None,
+    episode: Episode = None,
+) -> None:
+    """Write a run or a recording for Rerun's viewer: robot, stones, forces, barriers, torques, slacks, explanation."""
+    with complaints(ValueError, RuntimeError, OSError):
+        print(brought("rerun")(source, out, episode))
 
 
 @app.command()

@@ -13,6 +13,7 @@ from rl_trainer.task_episode import Moment, Ride
 
 from rabbit_viewer.page.recording import Recorded, show
 from rabbit_viewer.page.rows import EVENTS
+from rabbit_viewer.state_picture import state_picture
 
 OF_A_ROW = ("margin", "active", "slack", "multiplier")  # of the QP
 COMMON = ("tick", "running", "events", "touchdowns")  # of all that the page shows
@@ -32,20 +33,23 @@ class RideRows:
         self._places = [np.flatnonzero(of == name) for name in self._rows]
         self._barriers = [each.name for each in task.barriers]
         self._inputs = [f"u_{name}" for name in task.names_of_u]
+        self._states = [] if task.draw else [f"x_{name}" for name in task.names_of_x]
         of_rows = [f"{kind}_{name}" for kind in OF_A_ROW for name in self._rows]
         shapes = [f"shape{i}" for i in range(most)]
-        self.columns = [*COMMON, "V", *self._barriers, *self._inputs, *of_rows, *shapes]
+        self.columns = [*COMMON, "V", *self._barriers, *self._inputs, *self._states, *of_rows, *shapes]
 
     def about(self, name: str, title: str, has_qp: bool) -> dict[str, Any]:
         """Of one controller's rides."""
         known = {"name": name, "title": title, "columns": self.columns, "quantities": [], "barriers": self._barriers}
-        return {**known, "panels": self.panels(has_qp), "shapes": self._most}
+        note = {} if self.task.draw else {"note": state_picture(self.task).note}
+        return {**known, **note, "panels": self.panels(has_qp), "shapes": self._most}
 
     def panels(self, has_qp: bool) -> list[dict[str, Any]]:
         """What is plotted together: a title, columns, limits; without a QP there is less."""
         limits = [] if self.task.limit is None else [-self.task.limit, self.task.limit]
         slacks = [f"slack_{self._rows[i]}" for i in range(len(self._rows)) if not self._is_limit(i)]
         panels: list[dict[str, Any]] = [
+            *([{"title": "state x", "columns": self._states}] if self._states else []),
             {"title": "barriers B", "columns": self._barriers, "limits": [0]},
             {"title": "input u", "columns": self._inputs, "limits": limits},
             {"title": "V", "columns": ["V"] if "V" in self.task.tick.names else [], "log": True},
@@ -53,7 +57,7 @@ class RideRows:
             {"title": "what a row leaves", "of": "row", "columns": ["margin", "active"], "limits": [0]},
             {"title": "what it costs", "of": "row", "columns": ["multiplier"]},
         ]
-        return panels if has_qp else panels[:2]
+        return panels if has_qp else panels[: 2 + bool(self._states)]
 
     def _is_limit(self, i: int) -> bool:
         return bool(self._places[i][0] >= len(self.task.tick.layout.names) - self.task.tick.limits)
@@ -63,6 +67,7 @@ class RideRows:
         output, events = moment.output, EVENTS["saturated"] * moment.output.saturated
         numbers = [float(tick), float(running), float(events), float(moment.state.touchdowns), output.V]
         numbers += [*output.barriers.tolist(), *output.torque.tolist()]
+        numbers += moment.x.tolist() if self._states else []
         if output.rows:
             numbers += [float(output.margins[at].min()) for at in self._places]
             numbers += [0.0 if name in output.active else np.nan for name in self._rows]
@@ -74,8 +79,10 @@ class RideRows:
 
 
 def pictured(task: ControlTask, x: Array, p: Array) -> Sequence[Shape]:
-    """What `draw` makes of a state; nothing, of a task without."""
-    return task.draw(x, dict(zip(task.system.named, p, strict=True))) if task.draw else ()
+    """What `draw` makes of a state; of a task without, the state in a plane."""
+    if task.draw is None:
+        return state_picture(task).shapes(x, p)
+    return task.draw(x, dict(zip(task.system.named, p, strict=True)))
 
 
 def numbers_of(shapes: Sequence[Shape], most: int | None = None) -> list[float]:

@@ -12,7 +12,7 @@ from rabbit_description.state import TICK_SECONDS
 from rabbit_experiments.walk_records import CONTROLLERS
 from rabbit_recording.explaining import WORDS
 from rabbit_sim.simulation import Landing
-from rl_cbf_clf_controller.explanation import number
+from rl_cbf_clf_controller.explanation import BROKEN, number
 from rl_cbf_clf_controller.scene import Scene
 from rl_trainer.rollout import Record
 
@@ -106,16 +106,19 @@ def why_it_fell(
     if not (found := [each for each in found if np.isfinite(each[0])]):
         return {"reason": f"{where}."}
     _, tick, after = max(found, key=lambda each: each[0])
-    (meaning, unit), did = WORDS[row], measured(after, quantity)
-    was, now = (f"{number(abs(value))} {unit}" for value in (promised(tick, quantity), did))
-    said = f"its model promised {was}, the robot did {now}"
+    (meaning, unit), was, did = WORDS[row], promised(tick, quantity), measured(after, quantity)
+    said = f"its model promised {number(was)} {unit}, {number(did)} was measured"
     if row == "CLF":
-        said = f"V, how far it is from its gait, was to fall by {was}; it {'rose' if did > 0 else 'fell only'} by {now}"
+        fall, rose = (f"{'fall' if value < 0 else 'rise'} by {number(abs(value))}" for value in (was, did))
+        rose = rose.replace("rise", "rose").replace("fall", "fell")
+        said = f"by its model V, how far it is from its gait, was to {fall} {unit}; as measured it {rose}"
+    in_model = "gave way too" if tick.output.slacks[tick.output.rows.index(row)] > BROKEN else "was kept"
     side = "past the far edge" if row == "B1" else "short of the near edge"
     cause = f": its foot came down {off * 1000:.0f} mm {side} of stone {walked + 1}" if missed else ""
     when = f"at {tick.output.tick * tick_seconds:.2f} s"
-    told = f"{where}{cause}. It could not keep the row {row}, “{meaning}”: {when} {said}."
-    return {"reason": told, "tick": tick.output.tick}
+    said = f"{when} {said}, {number(abs(did - was))} off. In the model it {in_model}"
+    reason = f"{where}{cause}. It could not keep the row {row}, “{meaning}”: {said}."
+    return {"reason": reason, "tick": tick.output.tick}
 
 
 def promised(tick: Kept, name: str) -> float:

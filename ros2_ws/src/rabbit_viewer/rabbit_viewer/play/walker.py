@@ -14,7 +14,7 @@ from rabbit_description.state import JOINTS
 from rabbit_description.tick import ticks_in
 from rabbit_experiments.assembly import Assembly, resolve_policy
 from rabbit_experiments.walk_records import WalkRecords, about_walk, plant_in_words
-from rabbit_recording.explaining import explained_tick
+from rabbit_recording.explaining import explained_tick, measured_over
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.plant import PlantReading
 from rabbit_sim.simulation import Outcome
@@ -90,12 +90,16 @@ class Walker:
 
     def explain(self, tick: int) -> list[str]:
         """A tick in words; raises `ValueError` where it is not kept, or no solver answered it."""
-        found = [kept for kept in self._kept if kept.output.tick in (tick - 1, tick)]
-        if not found or found[-1].output.tick != tick:
+        near = {kept.output.tick: kept for kept in self._kept if abs(kept.output.tick - tick) <= 1}
+        found = [near[k] for k in (tick - 1, tick) if k in near]
+        if tick not in near:
             first, last = (self._kept[i].output.tick if self._kept else 0 for i in (0, -1))
             raise ValueError(f"tick {tick} of {self.name}: expected one from {first} to {last}, which are kept")
         programme, seconds = self._controller.qp, self._assembly.simulation.tick_seconds
-        explained = [explain(programme, each.scene.x, each.scene.p, each.estimates, each.decided) for each in found]
+        explained = [
+            explain(programme, kept.scene.x, kept.scene.p, kept.estimates, kept.decided, measured_over(after))
+            for kept, after in ((kept, near.get(kept.output.tick + 1)) for kept in found)
+        ]
         *before, now = zip(found, explained, strict=True)
         return explained_tick(f"robot {self.name}", now, before[0] if before else None, tick_seconds=seconds).lines()
 

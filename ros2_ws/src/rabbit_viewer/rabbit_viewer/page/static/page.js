@@ -54,8 +54,7 @@ const HANDLERS = {
   },
   explained({walker, tick, lines}) {
     if (state.asked !== `${walker} ${tick}`) return;
-    by("why").querySelector("pre").textContent = lines.join("\n");
-    by("why").hidden = false;
+    showWhy(lines.join("\n"));
   },
   learning: (message) => showLearning(by("learning"), message),
   graph(message) {
@@ -75,7 +74,7 @@ function begin(about) {
   state.scenes = state.walk.walkers.map((walker) => new ("shapes" in walker.about ? Picture : Scene)(by("scenes"), walker));
   clock.begin(state.walk, source.isLive && about.mode !== "recording", about.mode !== "graph");
   story.begin(about);
-  by("why").hidden = true;
+  showWhy("");
   timeline.begin();
   plots.begin(state.walk);
   if (about.controls && source.isLive) controls.build(about);
@@ -110,8 +109,16 @@ function explain(walker, row) {
 function explainFall() {
   const walker = Object.values(state.ended).findIndex((ended) => ended.tick !== undefined);
   if (walker < 0) return;
+  story.show(state.walk.walkers.map((_, i) => (i === walker ? state.ended[i] : null)));
   clock.seek(state.walk.walkers[walker].rowOf(state.ended[walker].tick));
   explain(walker, clock.row);
+}
+
+// a table over the lower part of the window, or none: above it there is less room for the scenes
+function showWhy(text) {
+  by("why").querySelector("pre").textContent = text;
+  by("why").hidden = !text;
+  state.isDirty = true;
 }
 
 function notice(text, role = "status", seconds = 6) {
@@ -171,6 +178,7 @@ function legend() {
 }
 
 function key(event) {
+  if (event.key === "Escape") showWhy("");
   if (event.ctrlKey || event.altKey || event.metaKey || !(event.key in KEYS)) return;
   if (/^(SELECT|TEXTAREA)$/.test(event.target.tagName) || /^(number|text)$/.test(event.target.type)) return;
   if (event.target.type === "range" && event.key.startsWith("Arrow")) return;
@@ -187,7 +195,7 @@ function faster(factor) {
 }
 
 by("save").hidden = !source.isLive;
-by("why").querySelector("button").onclick = () => { by("why").hidden = true; };
+by("why").querySelector("button").onclick = () => showWhy("");
 by("theme").onclick = toggle;
 by("help").onclick = () => by("keys").showModal();
 by("link").onclick = () => navigator.clipboard?.writeText(location.href).then(() => notice("the link is copied"), () => notice(location.href));

@@ -77,7 +77,7 @@ export class Plots {
       const label = document.createElement("b"), line = document.createElement("i");
       line.style.borderTopStyle = i ? "dashed" : "solid";
       line.style.borderTopColor = `var(--${hue(i)})`;
-      label.append(line, WORDS[name] ?? name.replace(/^(torque|u|slack)_/, "").replace("_", " "));
+      label.append(line, WORDS[name] ?? name.replace(/^(torque|u|x|slack)_/, "").replace("_", " "));
       return label;
     });
     title.append(...(panel.of && chooses ? [this.chooserOf(panel, names_of), ...names] : names));

@@ -91,7 +91,7 @@ export class Picture extends Canvas {
       isLine ? pen.stroke() : pen.fill();
     }
     const lines = walker.about.barriers.map((name) => `${name}: ${walker.get(row, name).toFixed(3)}`);
-    this.words([`${walker.walk.time(row).toFixed(2)} s`, ...lines], ended?.outcome ?? "", ended?.outcome === "done" && !/broken/.test(ended.reason));
+    this.words([`${walker.walk.time(row).toFixed(2)} s`, ...lines, ...(walker.about.note ?? [])], ended?.outcome ?? "", ended?.outcome === "done" && !/broken/.test(ended.reason));
   }
 }
 

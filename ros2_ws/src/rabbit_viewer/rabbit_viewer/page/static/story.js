@@ -14,6 +14,7 @@ export class Story {
     this.waits = waits;
     this.element.hidden = !story;
     this.sentence.textContent = story;
+    this.told = [];
     this.show([]);
     this.next.replaceChildren(...next.map(({text, do: message}) => {
       const button = Object.assign(document.createElement("button"), {textContent: text});
@@ -22,10 +23,10 @@ export class Story {
     }));
   }
 
-  // `endings`: of each walker how it ended, null as long as it walks in the picture
+  // `endings`: of each walker how it ended, null as long as it walks in the picture; what was told stays
   show(endings) {
-    const told = endings.filter((ended) => ended?.reason);
-    const text = told.map(({reason}) => reason).join(" ") || this.waits;
+    endings.forEach((ended, i) => { if (ended?.reason) this.told[i] = ended; });
+    const text = this.told.filter(Boolean).map(({reason}) => reason).join(" ") || this.waits;
     this.happened.classList.toggle("waits", text === this.waits);
     if (this.happened.textContent !== text) this.happened.textContent = text;
   }

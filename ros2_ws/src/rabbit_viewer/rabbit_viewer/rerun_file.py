@@ -1,0 +1,118 @@
+"""A run or a recording as a file for Rerun's viewer (`.rrd`): the robot from the side, and in plots what was decided.
+
+The view follows the hip and, as Rerun's flat views do, has y downwards: x from the hip, -z, m. It needs rerun-sdk,
+which is imported only here.
+"""
+
+from collections.abc import Iterator
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rabbit_description.bounded_file import exists
+from rabbit_description.force_ratio import force_ratio
+from rabbit_description.state import ACTUATED, Array
+from rabbit_experiments.walk_records import RECORDING, RECORDS, WalkRecords
+from rabbit_recording import RecordingError
+from rabbit_recording.explaining import explain_tick
+
+from rabbit_viewer.geometry import DEPTH, force_arrow, legs_of, stone_spans, torso_points
+from rabbit_viewer.walk_pictures import place_of, records_of
+
+BLUE, ORANGE, GREEN, PURPLE, RED, GREY = 0x0072B2FF, 0xE69F00FF, 0x009E73FF, 0xCC79A7FF, 0xD55E00FF, 0x8C8C8CFF
+COLOURS = {"stance": BLUE, "swing": ORANGE, "torso": GREY, "force": RED, "stones": GREY}
+RADII = {"stance": 0.012, "swing": 0.008, "torso": 0.016, "force": 0.006}  # m
+CLOCK, SIDE, WHY = "time", "side", "explanation"  # a time line and two entities
+LIMIT = "limit"
+
+
+class RerunError(RuntimeError):
+    """The file cannot be written; the message is one line."""
+
+
+def write_rerun(source: Path, out: Path | None = None, episode: int | None = None) -> Path:
+    """Write a run's folder or a recording, by default to walk.rrd in the folder or SOURCE.rrd next to a recording.
+
+    Raises:
+        RerunError: rerun-sdk is not installed.
+        RecordsError, RecordingError: as in `draw_pictures`.
+    """
+    try:
+        rr, blueprint = map(import_module, ("rerun", "rerun.blueprint"))
+    except ImportError as error:
+        raise RerunError("rerun-sdk is not installed: pip install './ros2_ws/src/rabbit_viewer[rerun]'") from error
+    walk, path = records_of(source, episode), out or place_of(source, "walk.rrd", ".rrd")
+    names = {name: f"/{name.split()[0]}" for name, *_ in plots(walk)}
+    views = [blueprint.TimeSeriesView(origin=origin, name=name) for name, origin in names.items()]
+    bounds = blueprint.VisualBounds2D(x_range=(-1.2, 1.2), y_range=(-1.6, 0.3))
+    side = blueprint.Spatial2DView(origin=SIDE, name=str(walk.about.get("title", "")), visual_bounds=bounds)
+    left = blueprint.Vertical(side, blueprint.TextDocumentView(origin=WHY, name=WHY), row_shares=[3, 2])
+    layout = blueprint.Blueprint(blueprint.Horizontal(left, blueprint.Vertical(*views)), collapse_panels=True)
+    with rr.RecordingStream("rabbit", recording_id=path.stem) as file:
+        file.save(path, default_blueprint=layout)
+        for row, shapes in enumerate(scenes(walk)):
+            file.set_time(CLOCK, duration=walk.time[row])
+            for name, lines in shapes.items():
+                look = {"radii": RADII.get(name, 0.004), "colors": COLOURS[name]}
+                file.log(f"{SIDE}/{name}", rr.LineStrips2D(lines, **look))
+        for (_, curves, limits), origin in zip(plots(walk), names.values(), strict=True):
+            for i, (name, values) in enumerate(curves.items()):
+                colour = (BLUE, ORANGE, GREEN, PURPLE)[i % 4]
+                file.log(f"{origin}/{name}", rr.SeriesLines(colors=colour, names=name), static=True)
+                column = rr.TimeColumn(CLOCK, duration=walk.time)
+                file.send_columns(f"{origin}/{name}", [column], rr.Scalars.columns(scalars=values))
+            for i, limit in enumerate(limits):
+                ends = rr.TimeColumn(CLOCK, duration=walk.time[[0, -1]])
+                file.log(f"{origin}/{LIMIT}{i}", rr.SeriesLines(colors=RED, names=LIMIT), static=True)
+                file.send_columns(f"{origin}/{LIMIT}{i}", [ends], rr.Scalars.columns(scalars=[limit, limit]))
+        told = f"```text\n{explanation(source, episode)}\n```"
+        file.log(WHY, rr.TextDocument(told, media_type=rr.MediaType.MARKDOWN), static=True)
+    return path
+
+
+def scenes(walk: WalkRecords) -> Iterator[dict[str, list[Array]]]:
+    """Of each tick lines (k, 2) by name, x from the hip and -z, m."""
+    legs, torso = legs_of(walk), torso_points(walk.q)
+    spans = stone_spans(walk, legs[:, :, 2].swapaxes(0, 1))
+    for row, stance in enumerate(walk.stance):
+        foot = legs[stance, row, 2]
+        boxes = spans[: int(walk.step_index[row]) + 2]
+        lines = {
+            "stones": [np.array([(x, top - DEPTH * down) for x, down in _corners(*edges)]) for *edges, top in boxes],
+            "swing": [legs[1 - stance, row]],
+            "stance": [legs[stance, row]],
+            "torso": [torso[row]],
+            "force": [np.stack([foot, foot + force_arrow(walk.stance_force[row])])],
+        }
+        hip = np.array([walk.q[row, 0], 0.0])
+        yield {name: [(line - hip) * (1, -1) for line in several] for name, several in lines.items()}
+
+
+def _corners(near: float, far: float) -> list[tuple[float, int]]:
+    return [(near, 1), (near, 0), (far, 0), (far, 1)]
+
+
+def plots(walk: WalkRecords) -> list[tuple[str, dict[str, Array], list[float]]]:
+    """What is plotted together: a title, curves (n,) by name, limits."""
+    about: Any = walk.about
+    limits = [about["torque_limit"] * sign for sign in (-1, 1)] if "torque_limit" in about else []
+    cone = [about["friction_coeff"]] if "friction_coeff" in about else []
+    return [
+        ("barriers B", dict(zip(walk.barrier_names, walk.barriers.T, strict=True)), [0.0]),
+        ("torques (N m)", dict(zip(ACTUATED, walk.torque.T, strict=True)), limits),
+        ("friction |F_T|/F_N", {"ratio": np.array([force_ratio(force) for force in walk.stance_force])}, cone),
+        ("slacks", {"clf_slack": walk.clf_slack, "rescue_slack": walk.rescue_slack}, []),
+        ("V", {"V": walk.V}, []),
+    ]
+
+
+def explanation(source: Path, episode: int | None) -> str:
+    """Of the tick with the most slack of last resort, in words; why there is none, where it cannot be replayed."""
+    bag = source / RECORDING if exists(source / RECORDING) else source
+    if exists(bag / RECORDS):
+        return "Only a recording can be explained, not the arrays of a run."
+    try:
+        return "\n".join(explain_tick(bag, None, episode).lines())
+    except RecordingError as error:
+        return str(error)
