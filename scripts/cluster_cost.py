@@ -53,11 +53,8 @@ def walked(folder: Path) -> tuple[dict[Job, float], int]:
     courses = min(row.courses for row in table.rows.values() if row.courses)
     protocol = Protocol(courses, "reported", plant="mujoco" if folder.name == "mujoco" else "pybullet")
     planned = plan(protocol, [method(name) for name in table.methods], [cells()[name] for name in table.cells])
-    cache, jobs = (
-        Cache(folder / "cache"),
-        [job for each in planned.values() if not isinstance(each, str) for job in each],
-    )
-    return {job: cache.get(job).row.walk_seconds for job in jobs}, COURSES // courses
+    cache, known = Cache(folder / "cache"), [jobs for jobs in planned.values() if not isinstance(jobs, str)]
+    return {job: cache.get(job).row.walk_seconds for jobs in known for job in jobs}, COURSES // courses
 
 
 def simulate(folder: Path, out: Path) -> None:

@@ -41,23 +41,23 @@ def commit() -> str:
     return git("rev-parse", "--short", "HEAD") + "+" * bool(git("status", "--porcelain", "--", ".", f":!{DOCS}"))
 
 
-def make(name: str, command: str, runs: Path, code: str) -> None:
+def make(name: str, command: str, runs: Path, at: str) -> None:
     """Run the command of a table; ends the script where it fails or is stopped."""
     begin = time.monotonic()
     (runs / name).mkdir(parents=True, exist_ok=True)
-    given = {**os.environ, "OUT": os.path.relpath(runs / name, ROOT), "COMMIT": code}
+    given = {**os.environ, "OUT": os.path.relpath(runs / name, ROOT), "COMMIT": at}
     with subprocess.Popen(["bash", "-euc", command], cwd=ROOT, env=given) as process:
         try:
-            process.wait()
+            ended = f"failed ({code})" if (code := process.wait()) else ""
         except KeyboardInterrupt:  # the command has it too, and ends by itself
             process.wait()
+            ended = "stopped; the same call goes on from here"
     seconds = read_json(runs / SECONDS)
-    seconds[f"{name} {code}"] = round(seconds.get(f"{name} {code}", 0) + time.monotonic() - begin, 1)
+    seconds[f"{name} {at}"] = round(seconds.get(f"{name} {at}", 0) + time.monotonic() - begin, 1)
     replace_text(runs / SECONDS, json.dumps(seconds, indent=1))
-    if process.returncode:
-        stopped = process.returncode in (INTERRUPTED, -2)
-        print(f"{name}: {'stopped; the same call goes on from here' if stopped else 'failed'}", file=sys.stderr)
-        sys.exit(process.returncode)
+    if ended:
+        print(f"{name}: {ended}", file=sys.stderr)
+        sys.exit(INTERRUPTED if ended.startswith("stopped") else 1)
 
 
 def ship(about: Mapping[str, Any], out: Path, docs: Path) -> None:
@@ -70,16 +70,15 @@ def ship(about: Mapping[str, Any], out: Path, docs: Path) -> None:
                 place.parent.mkdir(parents=True, exist_ok=True)
                 place.write_bytes(file.read_bytes())
             continue
-        rows = [
-            ({"folder": file.parent.name} if "*" in pattern else {}) | row for file in files for row in read_rows(file)
-        ]
-        columns = ["folder", *about.get("columns", [name for row in rows for name in row])]
-        columns = [name for name in dict.fromkeys(columns) if any(name in row for row in rows)]
+        several = {file: {"folder": file.parent.name} if "*" in pattern else {} for file in files}
+        rows = [folder | row for file, folder in several.items() for row in read_rows(file)]
+        kept = ("folder", *about.get("columns", [name for row in rows for name in row]))
+        columns = dict.fromkeys(name for row in rows for name in row if name in kept)
         for line in changes(read_rows(docs / target), rows):
             print(f"{target}: {line}")
         (docs / target).parent.mkdir(parents=True, exist_ok=True)
         with replacing(docs / target) as partial, partial.open("w", encoding="utf-8", newline="") as opened:
-            table = csv.DictWriter(opened, columns, restval="", extrasaction="ignore")
+            table = csv.DictWriter(opened, list(columns), restval="", extrasaction="ignore")
             table.writeheader()
             table.writerows(rows)
 
