@@ -1,7 +1,7 @@
 # make help lists what there is. PYTHON chooses the interpreter for the environment: make setup PYTHON=python3.12
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup python workspace studies tools build walk test test-all test-browser fuzz check format bench docs figures wheels lock clean
+.PHONY: help setup python workspace studies tools build walk test test-all test-browser fuzz check format bench docs tables figures wheels lock clean
 
 ifneq ($(words $(CURDIR)),1)
 $(error The path "$(CURDIR)" has a space in it: move the project to a path without one)
@@ -70,6 +70,9 @@ bench: studies ## time a tick, an evaluation and the way through the nodes
 
 docs: studies ## the site in docs/build/index.html
 	@$(WITH_WORKSPACE) python -B scripts/build_docs.py
+
+tables: studies ## make every table of the pages anew (studies/tables.yaml): hours; it goes on; or ARGS='NAME ...'
+	@$(WITH_WORKSPACE) export OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 && python -B scripts/make_tables.py $(ARGS)
 
 figures: studies ## write the figures of the pages anew from the shipped tables
 	@$(WITH_WORKSPACE) python -B scripts/page_figures.py

@@ -1,15 +1,30 @@
-"""What a run costs besides the walk: seconds of 1,000 runs that do nothing, here and on two workers of a scheduler."""
+"""What a cluster costs and saves.
 
+python scripts/cluster_cost.py                    # ms a run of 1,000 that do nothing, here and by a scheduler
+python scripts/cluster_cost.py FOLDER OUT.csv     # the queue of the map's walks, simulated from how long they took
+"""
+
+import csv
+import heapq
+import sys
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from pydantic import RootModel
+from rabbit_benchmark.cells import cells
+from rabbit_benchmark.methods import method
+from rabbit_benchmark.protocol import Protocol, plan
+from rabbit_benchmark.table import Table
 from rabbit_experiments.cache import Cache, Job
-from rabbit_experiments.engine import run
+from rabbit_experiments.engine import batches, run
 
 RUNS = 1000
+OVERHEAD = 0.01  # s a job, of client and scheduler: they give out one after the other
+CORES = (2, 64, 512)
+BATCH, COURSES = 200, 10  # of the map
 
 
 @dataclass(frozen=True)
@@ -23,8 +38,39 @@ class Nothing(Job):
         return RootModel[int](self.number)
 
 
-def main() -> None:
-    """Measure; the first runs start the workers."""
+def queue(seconds: Mapping[Job, float], repeated: int, cores: int) -> tuple[float, float]:
+    """Hours until the last of all walks has ended, each `repeated`, and the share of that in which cores walk."""
+    jobs = [sum(seconds[job] for job in batch) for batch in batches([*seconds] * repeated, BATCH, cores)]
+    free = [0.0] * cores
+    for number, job in enumerate(jobs, 1):
+        heapq.heappush(free, max(heapq.heappop(free), number * OVERHEAD) + job)
+    return max(free) / 3600, sum(jobs) / (cores * max(free))
+
+
+def walked(folder: Path) -> tuple[dict[Job, float], int]:
+    """Seconds of the walks of a benchmark in a folder, and how often the map has each."""
+    table = Table.read(folder / "benchmark.csv")
+    courses = min(row.courses for row in table.rows.values() if row.courses)
+    protocol = Protocol(courses, "reported", plant="mujoco" if folder.name == "mujoco" else "pybullet")
+    planned = plan(protocol, [method(name) for name in table.methods], [cells()[name] for name in table.cells])
+    cache, known = Cache(folder / "cache"), [jobs for jobs in planned.values() if not isinstance(jobs, str)]
+    return {job: cache.get(job).row.walk_seconds for jobs in known for job in jobs}, COURSES // courses
+
+
+def simulate(folder: Path, out: Path) -> None:
+    """A row for each engine and number of cores."""
+    with out.open("w", encoding="utf-8", newline="") as file:
+        table = csv.writer(file)
+        table.writerow(("plant", "walks", "cores", "hours", "busy"))
+        for plant in ("mujoco", "pybullet"):
+            seconds, repeated = walked(folder / plant)
+            for cores in CORES:
+                hours, busy = queue(seconds, repeated, cores)
+                table.writerow((plant, len(seconds) * repeated, cores, f"{hours:.3f}", f"{busy:.2f}"))
+
+
+def measure() -> None:
+    """The first runs start the workers."""
     from cluster_cost import Nothing  # whose module workers import
 
     for processes in (2, "local:2"):
@@ -38,4 +84,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    simulate(*map(Path, sys.argv[1:])) if sys.argv[1:] else measure()

@@ -13,7 +13,7 @@ import os
 import signal
 from functools import cache
 from importlib.machinery import PathFinder
-from importlib.metadata import EntryPoint, entry_points, version
+from importlib.metadata import EntryPoint, version
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
@@ -22,6 +22,7 @@ os.environ.setdefault("TYPER_USE_RICH", "0")  # its panels make a help text twic
 
 import typer
 from rabbit_common.exit_codes import Interrupted, of_interrupt
+from rabbit_description.plugins import entries
 from typer.core import TyperCommand, TyperGroup
 
 GROUP, OF_TASKS = "rabbit.commands", "rabbit.task_commands"  # those of tasks are functions, not apps
@@ -39,7 +40,7 @@ EXTRAS = {"torch": "rl_trainer[learn]", "imageio_ffmpeg": "rabbit_viewer[film]"}
 @cache
 def commands() -> dict[str, EntryPoint]:
     """The subcommands that the installed packages bring, by name, in the order of the help text."""
-    found = {entry.name: entry for entry in entry_points(group=GROUP)}
+    found = {entry.name: entry for entry in entries(GROUP)}
     own = [name for name in ORDER if name in found]
     return {name: found[name] for name in own + sorted(found.keys() - set(own))}
 
@@ -79,7 +80,7 @@ def loaded(command: EntryPoint) -> Any:
 @cache
 def task_commands() -> dict[str, EntryPoint]:
     """What a command does with `--task`, by its name."""
-    return {entry.name: entry for entry in entry_points(group=OF_TASKS)}
+    return {entry.name: entry for entry in entries(OF_TASKS)}
 
 
 def chosen(name: str, words: list[str]) -> EntryPoint:

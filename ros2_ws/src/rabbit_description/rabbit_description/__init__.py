@@ -1,9 +1,8 @@
 """What the robot is, as data: URDF, state layout, gait files. Nothing here computes."""
 
-from importlib.resources import files
 from pathlib import Path
 
-DATA = Path(str(files(__package__)))
+DATA = Path(__file__).parent
 URDF_PATH = DATA / "urdf" / "rabbit.urdf"
 GAITS = DATA / "gaits"
 LIBRARIES = DATA / "gait_libraries"

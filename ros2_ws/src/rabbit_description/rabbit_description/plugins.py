@@ -11,12 +11,14 @@ from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
 from typing import Any
 
-from rabbit_description.user_code import fault_in_user_code, plugged
-from rabbit_description.validation import one_of
-
 
 class PluginError(LookupError):
     """No part of that name can be had; the message is one line."""
+
+
+def entries(group: str) -> Any:
+    """The entry points of all installed packages under this name."""
+    return _entry_points(tuple(sys.path)).select(group=group)
 
 
 def names(group: str) -> tuple[str, ...]:
@@ -31,6 +33,9 @@ def load(group: str, name: str) -> Any:
         PluginError: no installed package brings it, a library that it needs is not installed, it was written for
             another version of a library, such as this project's former one, or its module raises an error.
     """
+    from rabbit_description.user_code import fault_in_user_code, plugged  # pydantic: not for a list of commands
+    from rabbit_description.validation import one_of
+
     found = _found(group, tuple(sys.path))
     if name not in found:
         known = names(group)
