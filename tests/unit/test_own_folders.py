@@ -37,6 +37,7 @@ FOLDERS = {
 }
 FILES = {
     "bag record": (),
+    "bag rerun": ("none.mcap",),
     "bench": (),
     "estimates": ("rl-cbf-clf-qp",),
     "rival gp": ("session",),

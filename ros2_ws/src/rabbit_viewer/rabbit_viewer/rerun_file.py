@@ -41,7 +41,7 @@ def write_rerun(source: Path, out: Path | None = None, episode: int | None = Non
     try:
         rr, blueprint = map(import_module, ("rerun", "rerun.blueprint"))
     except ImportError as error:
-        raise RerunError("rerun-sdk is not installed: pip install './ros2_ws/src/rabbit_viewer[rerun]'") from error
+        raise RerunError("rerun-sdk is not installed: pip install 'rabbit_viewer[rerun]'") from error
     walk, path = records_of(source, episode), out or place_of(source, "walk.rrd", ".rrd")
     names = {name: f"/{name.split()[0]}" for name, *_ in plots(walk)}
     views = [blueprint.TimeSeriesView(origin=origin, name=name) for name, origin in names.items()]

@@ -165,7 +165,7 @@ def rerun(
 ) -> None:
     """Write a run or a recording for Rerun's viewer: robot, stones, forces, barriers, torques, slacks, explanation."""
     with complaints(ValueError, RuntimeError, OSError):
-        print(brought("rerun")(source, out, episode))
+        print(brought("rerun")(source, new_file(out) if out else None, episode))
 
 
 @app.command()
