@@ -164,8 +164,9 @@ def rerun(
     episode: Episode = None,
 ) -> None:
     """Write a run or a recording for Rerun's viewer: robot, stones, forces, barriers, torques, slacks, explanation."""
+    target = new_file(out) if out else None
     with complaints(ValueError, RuntimeError, OSError):
-        print(brought("rerun")(source, new_file(out) if out else None, episode))
+        print(brought("rerun")(source, target, episode))
 
 
 @app.command()
