@@ -116,6 +116,11 @@ def after_tick(nominal: RobotNumbers, gives_way: bool, tick_seconds: float = TIC
     return NumpyFunction.of("after_tick", inputs, outputs)
 
 
+def rate_error(errors: ca.SX, differences: ca.SX) -> ca.SX:
+    """Mean difference between the pitch's mean rate and its change, rad/s; 0 before enough of it is known."""
+    return ca.if_else(differences >= FIRST_DIFFERENCES, errors / ca.fmax(differences, 1), 0)
+
+
 def rate_variance(errors: ca.SX, differences: ca.SX) -> ca.SX:
     """Of the rates' errors, (m/s)^2 and (rad/s)^2, as the identification takes it.
 

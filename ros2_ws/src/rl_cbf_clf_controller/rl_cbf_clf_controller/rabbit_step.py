@@ -14,9 +14,10 @@ from rabbit_description.planar_urdf import SLIDES
 from rabbit_description.state import DOF, FEET, JOINTS, SWAP_STATE, SWAP_TORQUE, Array, StonePreview, no_torque
 
 from rl_cbf_clf_controller.identification import LATE_TORQUE, window
-from rl_cbf_clf_controller.identified_robot import after_tick, first_known
+from rl_cbf_clf_controller.identified_robot import after_tick, first_known, rate_error
 from rl_cbf_clf_controller.joint_calibration import OFFSETS
 from rl_cbf_clf_controller.kinds import find_kind
+from rl_cbf_clf_controller.least_squares import within
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.robot_numbers import Feet, RobotNumbers
 from rl_cbf_clf_controller.state_prediction import prediction_function
@@ -28,6 +29,7 @@ from rl_cbf_clf_controller.walking import GAINS, Walking
 
 NEVER = -2  # a tick that none follows
 CARRIED = 20.0  # N; a foot that presses less may be falling
+CONTRADICTED = 0.06, 0.12  # rad/s, from which on the angles count less, and not at all
 FARTHEST_STONE, HIGHEST_STONE = 2.0, 0.5  # m; the latter up or down
 FORCES = len(FEET) * SLIDES  # tangential and normal
 READING = {
@@ -78,14 +80,20 @@ def stand_function(walking: Walking, on_stones: bool, tick_seconds: float) -> Nu
 
 
 def tracking_function(robot: RobotNumbers, tracks: bool) -> NumpyFunction:
-    """How far the stance foot has `moved` since it came down, m, and the `stone` in sight less that."""
-    s = symbols({"x": 2 * DOF, "force": FORCES, "place": 2, "moved": 2, "carries": 1, "stone": 3, "stone_before": 3})
+    """How far the stance foot has `moved` since it came down, m, and the `stone` in sight less that.
+
+    `rate_error`: by how much angles contradict their rates, rad/s. Where they do, the foot moves in the angles alone.
+    """
+    sizes = {"x": 2 * DOF, "force": FORCES, "place": 2, "moved": 2, "carries": 1, "stone": 3, "stone_before": 3}
+    s = symbols(sizes | {"rate_error": 1})
     carries = s["force"][1] > CARRIED
     feet = Feet(robot)
     stand = feet.function.function(s["x"][:DOF], *(ca.DM(np.ravel(each)) for each in feet.lengths))
     place = stand[feet.function.places["stance"][0]]
     moved = ca.if_else(ca.logic_and(carries, s["carries"]), s["moved"], place - s["place"])
-    stone = s["stone"] - ca.vertcat(moved[0], moved[0], moved[1]) if tracks else s["stone"]
+    low, high = CONTRADICTED
+    followed = within((high - s["rate_error"]) / (high - low)) * moved
+    stone = s["stone"] - ca.vertcat(followed[0], followed[0], followed[1]) if tracks else s["stone"]
     found = {"moved": moved, "carries": carries} if tracks else {"moved": s["moved"], "carries": s["carries"]}
     found["stone"] = ca.if_else(is_finite(s["stone"]), stone, s["stone_before"])
     return NumpyFunction.of("tracking", s, found)
@@ -169,11 +177,13 @@ class RabbitStep(StepFunctions):
             "stone": reading["stone"][1:],
             "stone_before": memory["stone"],
         }
+        was = {name: memory["known"][place] for name, (place, _) in self.known.items()}
+        places["rate_error"] = rate_error(was["errors"], was["differences"]) if was else ca.DM(0)
         tracked = call(tracking_function(robot, p.stone_tracking and self._on_stones), {**begun, **places})
         if not self._on_stones:
             tracked["stone"] = memory["stone"]
         gains, follows = {name: settings[name] for name in GAINS}, stood["last_tick"] == reading["tick"] - 1
-        x, was = stood["x"], {name: memory["known"][place] for name, (place, _) in self.known.items()}
+        x = stood["x"]
         if self._after:
             gains |= call(tune_function(), {**settings, **{name: was[name] for name in ("lateness", "disbelief")}})
             follows = ca.logic_and(follows, gains["eps"] == memory["eps"])  # else V has two gains
