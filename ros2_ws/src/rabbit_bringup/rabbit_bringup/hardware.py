@@ -172,5 +172,4 @@ class Hardware(Plant):
 def in_world(force: Array, angle: float) -> Array:
     """A force (2,) in the sole of a shin that is turned by `angle`, as `conversions.foot_wrench` has it."""
     sine, cosine = np.sin(angle), np.cos(angle)
-    turned: Array = np.array([[cosine, sine], [-sine, cosine]]) @ force
-    return turned
+    return np.array([[cosine, sine], [-sine, cosine]]) @ force

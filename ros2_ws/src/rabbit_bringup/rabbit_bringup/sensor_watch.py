@@ -77,5 +77,4 @@ class EncoderWatch:
     @property
     def are_frozen(self) -> Array:
         """Which are, (4,)."""
-        frozen: Array = (self.still > self._frozen_time) & (self.turned > TURNS * self.still)
-        return frozen
+        return (self.still > self._frozen_time) & (self.turned > TURNS * self.still)

@@ -311,8 +311,7 @@ class ControlTask:
         """Through an impact too, which is located."""
 
         def later(seconds: float, since: Moved = now) -> Array:
-            x: Array = self.later_by(since.x, p, since.u, np.array([seconds])).x
-            return x
+            return self.later_by(since.x, p, since.u, np.array([seconds])).x
 
         x = later(h)
         if self.impact is None or not np.isfinite(x).all():

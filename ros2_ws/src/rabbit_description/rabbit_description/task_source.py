@@ -52,8 +52,7 @@ def _loaded(source: str) -> ControlTask:
     if not is_file(path):
         raise TaskError(f"{source}: no such file")
     if path.suffix == ".yaml":
-        task: ControlTask = plugins.load(FILES, "yaml")(path)
-        return task
+        return plugins.load(FILES, "yaml")(path)
     spec = importlib.util.spec_from_file_location(path.stem, path)
     assert spec
     assert spec.loader

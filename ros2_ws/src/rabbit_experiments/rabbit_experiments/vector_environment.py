@@ -197,8 +197,7 @@ class LearnerUnits:
 
     def scaled(self, observation: Array) -> Rows:
         """Observations (..., k) as they are seen."""
-        seen: Rows = ((observation[..., : len(self._center)] - self._center) / self._scale).astype(np.float32)
-        return seen
+        return ((observation[..., : len(self._center)] - self._center) / self._scale).astype(np.float32)
 
 
 class VectorWalkingEnv(WalkingEnv):

@@ -121,8 +121,7 @@ class WalkRecords:
     @property
     def barrier_names(self) -> list[str]:
         """Of `barriers`; those of the stones, where the file does not say."""
-        found: list[str] = self.about.get("barriers", [*STONE_BARRIERS])
-        return found
+        return self.about.get("barriers", [*STONE_BARRIERS])
 
     @property
     def tick_seconds(self) -> float:
@@ -132,14 +131,12 @@ class WalkRecords:
     @property
     def time(self) -> Array:
         """Seconds since the reset, (n,)."""
-        seconds: Array = self.tick * self.tick_seconds
-        return seconds
+        return self.tick * self.tick_seconds
 
     @property
     def stance_force(self) -> Array:
         """On the foot that stands, mean over the tick before: tangential, normal, (n, 2), N."""
-        force: Array = self.foot_force[np.arange(len(self.tick)), self.stance]
-        return force
+        return self.foot_force[np.arange(len(self.tick)), self.stance]
 
     @property
     def step_starts(self) -> Array:

@@ -145,8 +145,7 @@ def draw_quantities(walk: WalkRecords, path: Path) -> Path:
 def swing_foot(walk: WalkRecords) -> Array:
     """l_f and h_f, the swing foot from the stance foot, (n, 2), m."""
     both, row = legs_of(walk)[:, :, 2], np.arange(len(walk.tick))
-    position: Array = both[1 - walk.stance, row] - both[walk.stance, row]
-    return position
+    return both[1 - walk.stance, row] - both[walk.stance, row]
 
 
 def plot_steps(walk: WalkRecords, axes: Axes, values: Array, colour: str, label: str) -> None:

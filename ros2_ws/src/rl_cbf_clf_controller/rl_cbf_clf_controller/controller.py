@@ -136,8 +136,7 @@ class Controller(OneRobot):
         Raises:
             ControllerError: any other difference needs a new controller.
         """
-        parameters: ControllerParameters = self._parameters
-        return parameters
+        return self._parameters
 
     @parameters.setter
     def parameters(self, new: ControllerParameters) -> None:

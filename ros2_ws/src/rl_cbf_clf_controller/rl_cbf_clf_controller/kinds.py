@@ -48,8 +48,7 @@ class Kind:
 @cache
 def find_kind(name: str) -> Kind:
     """The controller of this name; raises `PluginError`."""
-    kind: Kind = plugins.load(GROUP, name)
-    return kind
+    return plugins.load(GROUP, name)
 
 
 def find_problem(problem: Any) -> Any:

@@ -86,8 +86,7 @@ class Actor:
         else:
             with np.errstate(all="ignore"):  # as in C
                 y = np.array([[*map(tanh, self._in_numpy(row).tolist())] for row in x.reshape(n, inputs)])
-        outputs: NDArray[np.float64] = y.reshape(*many, self.outputs)
-        return outputs
+        return y.reshape(*many, self.outputs)
 
     def _in_numpy(self, y: NDArray[Any]) -> NDArray[Any]:
         at = bias_at = 0

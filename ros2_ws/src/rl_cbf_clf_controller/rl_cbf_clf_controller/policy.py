@@ -125,8 +125,7 @@ class ActorPolicy(LearnedPolicy):
             read = self.file.metadata.observation[-1]
             raise ValueError(f"policy {self.version} reads {read}: expected a gait library")
         outputs = self.actor((observation[..., :size] - self.center) * self.inverse_scale)
-        found: Values = estimates(outputs, LgV, *self.scales)
-        return found
+        return estimates(outputs, LgV, *self.scales)
 
 
 def estimate_function(n: int, m: int, structured: bool, has_clf: bool) -> NumpyFunction:

@@ -224,5 +224,4 @@ class RabbitStep(StepFunctions):
         begins = ca.Function("begins", [*symbols, before], [steps.joined(new)])
         goes_on = ca.Function("goes_on", [*symbols, before], [ca.MX(before)])
         either = ca.Function.if_else("begun", begins, goes_on)
-        row: ca.MX = either(stood["begins"], *arguments, steps.joined(memory))
-        return row
+        return either(stood["begins"], *arguments, steps.joined(memory))

@@ -159,8 +159,7 @@ class TaskController(OneRobot):
     @property
     def sigma(self) -> float:
         """Of exploration."""
-        sigma: float = self._parameters.sigma
-        return sigma
+        return self._parameters.sigma
 
     @sigma.setter
     def sigma(self, sigma: float) -> None:

@@ -80,8 +80,7 @@ class OutputExpressions:
     def along_path(self, expressions: list[ca.SX]) -> list[ca.SX]:
         """These, where it is the `path` that says what is desired at this phase."""
         wanted = [self.parameters[f"desired_{k}"] for k in range(3)]
-        found: list[ca.SX] = ca.substitute(expressions, wanted, list(desired(self.phase, self.path)))
-        return found
+        return ca.substitute(expressions, wanted, list(desired(self.phase, self.path)))
 
 
 def desired(phase: ca.SX, path: Mapping[str, ca.SX]) -> Orders:

@@ -193,8 +193,7 @@ class PolicyFile:
     def encode(self) -> bytes:
         """The bytes of file and message."""
         head = _Head(content_hash=self.content_hash, metadata=self.metadata)
-        data: bytes = save(self.arrays, metadata={_KEY: head.model_dump_json()})  # one key: their order is not fixed
-        return data
+        return save(self.arrays, metadata={_KEY: head.model_dump_json()})  # one key: their order is not fixed
 
     def write(self, path: Path) -> None:
         """Write the file at once or not at all."""

@@ -69,8 +69,7 @@ class RewardCritic(nn.Module):
 
     def target(self, batch: Batch, seen: Seen, x: Tensor) -> Tensor:
         """t(s, x), the error expected where x is the input, (b, n)."""
-        t: Tensor = self.network(torch.cat([*seen, x / self.mu_unit], 1))
-        return t
+        return self.network(torch.cat([*seen, x / self.mu_unit], 1))
 
     def steady_slopes(self, share: float) -> None:
         """Nothing here varies with the state that should not."""

@@ -76,8 +76,7 @@ class Ride:
         """Of each barrier over the ride; -inf after a failure."""
         if self.outcome != "done":
             return np.full(len(self.task.barriers), -np.inf)
-        least: Array = self.barriers.min(axis=0)
-        return least
+        return self.barriers.min(axis=0)
 
     def end(self, simulation: TaskSimulation, last: RobotState) -> None:
         """It ended in this state."""

@@ -73,8 +73,7 @@ class Transition:
     @property
     def correction(self) -> Array:
         """alpha mu + beta at this tick, (n,)."""
-        correction: Array = self.alpha @ self.mu + self.beta
-        return correction
+        return self.alpha @ self.mu + self.beta
 
     @property
     def target(self) -> Array:
@@ -182,8 +181,7 @@ def nominal_value(last: ControllerOutput, output: ControllerOutput | None, p: Tr
 
 def predicted(output: ControllerOutput, v: Array) -> Array:
     """The quantities (n,) of a tick at the input v (4,), without the policy's estimate."""
-    value: Array = output.nominal_a @ v + output.nominal_b + adapted(output).error(v)
-    return value
+    return output.nominal_a @ v + output.nominal_b + adapted(output).error(v)
 
 
 def _y_ddot(output: ControllerOutput, v: Array) -> Array:

@@ -73,8 +73,7 @@ def settings_of(task: ControlTask, start: Start) -> type[Checked]:
     again = Field("next course", title="at the end", json_schema_extra={"when": "now"})
     fields["seed"] = (int, shown(start.seed, 0, 2**31 - 1, "seed", when="reset"))
     fields["again"] = (Literal["wait", "same course", "next course"], again)
-    made: type[Checked] = create_model("TaskSettings", __base__=Checked, **fields)
-    return made
+    return create_model("TaskSettings", __base__=Checked, **fields)
 
 
 def step(*values: float) -> float:
