@@ -251,7 +251,7 @@ def policy_path(name: str) -> Path:
 
 
 def shipped_policies() -> list[str]:
-    """Names of the policies that come with the controller; each learning controller's own has its name."""
+    """Names of the policies that come with the controller; that of a learning controller has the controller's name."""
     return sorted(path.stem for path in SHIPPED.glob("*.safetensors"))
 
 
