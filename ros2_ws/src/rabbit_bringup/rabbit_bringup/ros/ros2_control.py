@@ -80,8 +80,8 @@ class HardwareNode(SimulatorNode):
 
     def _take(self, name: str, message: Any, read: Sequence[Any]) -> None:
         """One sensor; once all have said something newer than the last tick, that is the next one."""
-        for each in read[:2]:  # the third is the specific force, which may be unknown at first
-            check_finite(name, np.ravel(each).tolist())
+        for values in read[:2]:  # the third is the specific force, which may be unknown at first
+            check_finite(name, np.ravel(values).tolist())
         self._message_counter.accept(name)
         self._end_if_silent()  # this process may have stood still
         self._read[name] = read
@@ -151,7 +151,7 @@ class HardwareNode(SimulatorNode):
             self._rest()
 
     def _rest(self) -> None:
-        """No torque but in an episode; for each one the robot is enabled anew."""
+        """No torque but in an episode; for every one the robot is enabled anew."""
         if self._player.state is None and self._player.episode.episode > self._done:
             self._done, self._paused = self._player.episode.episode, True
         if self._player.state is None or self._paused:
@@ -174,7 +174,7 @@ class HardwareNode(SimulatorNode):
             return
         super()._begin_next()
         if self._player.state is not None:
-            self._sensed = time.monotonic()  # to begin took its time, and nothing is commanded yet
+            self._sensed = time.monotonic()  # to begin took a while, and nothing is commanded yet
 
     def _unfit(self) -> str:
         """Why the robot cannot be enabled; empty: it can."""
