@@ -24,13 +24,13 @@ LEFT_OUT = ("simulator", "estimator")  # if somebody else is one
 
 def generate_launch_description() -> LaunchDescription:
     """Simulator and controller; estimator, trainer, recorder and viewer if wanted."""
-    given: dict[str, str] = {}
+    words: dict[str, str] = {}
     return LaunchDescription(
         [
-            OpaqueFunction(function=lambda context: given.update(context.launch_configurations)),  # and no defaults
+            OpaqueFunction(function=lambda context: words.update(context.launch_configurations)),  # and no defaults
             *arguments_of(PlayerParameters, *MODELS, defaults=DEFAULTS, but=NO_ARGUMENTS),
             *arguments(simulator=("true", "start the simulator"), estimator=("true", "start it, if `sensors` is lab")),
-            OpaqueFunction(function=lambda _: nodes(given)),
+            OpaqueFunction(function=lambda _: nodes(words)),
         ]
     )
 
@@ -47,7 +47,7 @@ def nodes(words: dict[str, str]) -> list[Node]:
 
 
 def started(walk: WalkSettings, name: str) -> Node:
-    """One of our nodes; or a controller of another kind, which has its own name and parameters."""
+    """One of our nodes; or a controller of another kind, which brings name and parameters."""
     if not (name == "controller" and walk.options.is_foreign):
         return node(name, [walk.parameter_file])
     package, executable = walk.executable(name)

@@ -23,27 +23,25 @@ LONGEST = str(4 * PATIENCE)  # s for the walk to end: it waits for three groups 
 
 def generate_launch_description() -> LaunchDescription:
     """The walk, with the options that are given."""
-    given: dict[str, str] = {}
+    words: dict[str, str] = {}
     return LaunchDescription(
         [
-            OpaqueFunction(function=lambda context: given.update(context.launch_configurations)),  # and no defaults
+            OpaqueFunction(function=lambda context: words.update(context.launch_configurations)),  # and no defaults
             *arguments_of(*MODELS, defaults=DEFAULTS),
-            OpaqueFunction(function=lambda _: walk(given)),
+            OpaqueFunction(function=lambda _: walk(words)),
         ]
     )
 
 
-def walk(given: dict[str, str]) -> list[Action]:
+def walk(words: dict[str, str]) -> list[Action]:
     """`rabbit walk` under the arguments that were given, in the namespace that an including launch file pushed."""
-    shown = [rviz(given.get("namespace", ""))] if given.get("view") == RVIZ else []
-    given |= {"view": "true"} if shown else {}
-    space = namespace(given.get("ros_namespace", ""), given.get("namespace", ""))
-    words = shlex.split(given_of(given, Defaults(), *MODELS).typed(but=("namespace",)))
-    command = ["rabbit", "walk", f"--namespace={space}", *words]
-    walking = ExecuteProcess(
-        cmd=command, name="walk", output="screen", sigterm_timeout=LONGEST, sigkill_timeout=LONGEST, on_exit=over
-    )
-    return [walking, *shown]
+    shown = [rviz(words.get("namespace", ""))] if words.get("view") == RVIZ else []
+    words |= {"view": "true"} if shown else {}
+    space = namespace(words.get("ros_namespace", ""), words.get("namespace", ""))
+    options = shlex.split(given_of(words, Defaults(), *MODELS).typed(but=("namespace",)))
+    command = ["rabbit", "walk", f"--namespace={space}", *options]
+    patience = {"sigterm_timeout": LONGEST, "sigkill_timeout": LONGEST}
+    return [ExecuteProcess(cmd=command, name="walk", output="screen", **patience, on_exit=over), *shown]
 
 
 def over(event: ProcessExited, context: LaunchContext) -> None:
@@ -52,6 +50,6 @@ def over(event: ProcessExited, context: LaunchContext) -> None:
         raise RuntimeError(f"the walk ended with exit code {event.returncode}")
 
 
-def namespace(pushed: str, own: str) -> str:
-    """The one within the other, unless it is absolute."""
-    return own if own.startswith("/") else "/".join(part.strip("/") for part in (pushed, own) if part.strip("/"))
+def namespace(pushed: str, inner: str) -> str:
+    """`inner` within `pushed`, unless it is absolute."""
+    return inner if inner.startswith("/") else "/".join(part.strip("/") for part in (pushed, inner) if part.strip("/"))

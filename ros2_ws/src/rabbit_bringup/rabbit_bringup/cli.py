@@ -40,13 +40,13 @@ EXTRAS = {"torch": "rl_trainer[learn]", "imageio_ffmpeg": "rabbit_viewer[film]"}
 @cache
 def commands() -> dict[str, EntryPoint]:
     """The subcommands that the installed packages bring, by name, in the order of the help text."""
-    found = {entry.name: entry for entry in entries(GROUP)}
-    own = [name for name in ORDER if name in found]
-    return {name: found[name] for name in own + sorted(found.keys() - set(own))}
+    by_name = {entry.name: entry for entry in entries(GROUP)}
+    ordered = [name for name in ORDER if name in by_name]
+    return {name: by_name[name] for name in ordered + sorted(by_name.keys() - set(ordered))}
 
 
 def source(command: EntryPoint) -> Path | None:
-    """The file of its module; None if there is no such module. Nothing is imported, not even the packages around it."""
+    """The file of a command's module; None if there is none. Nothing is imported, not even the packages around it."""
     top, *rest = command.module.split(".")
     spec, name = find_spec(top), top
     for part in rest:
@@ -56,7 +56,7 @@ def source(command: EntryPoint) -> Path | None:
 
 
 def summary(command: EntryPoint) -> str:
-    """The first line of its module's docstring."""
+    """The first line of the docstring of a command's module."""
     if (path := source(command)) is None:
         return f"(cannot be called: there is no module {command.module})"
     return (ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or "").partition("\n")[0]
@@ -71,15 +71,15 @@ def loaded(command: EntryPoint) -> Any:
         shown = typer.Typer(add_completion=False)
         shown.command(command.name)(app)
         return in_one_form(typer.main.get_command(shown))
-    found = typer.main.get_command(app)
+    click_command = typer.main.get_command(app)
     if command.name in task_commands():
-        found.params.append(task_option())
-    return in_one_form(found)
+        click_command.params.append(task_option())
+    return in_one_form(click_command)
 
 
 @cache
 def task_commands() -> dict[str, EntryPoint]:
-    """What a command does with `--task`, by its name."""
+    """What commands do with `--task`, by name."""
     return {entry.name: entry for entry in entries(OF_TASKS)}
 
 
@@ -114,7 +114,7 @@ def _replace_default(number: int, default: Any, handler: Any) -> None:
 
 
 class LazyGroup(TyperGroup):
-    """Knows its commands by name and help, see `commands` and `summary`."""
+    """Knows the commands by name and help, see `commands` and `summary`."""
 
     def list_commands(self, ctx: Any) -> list[str]:
         """In the order of the help text."""

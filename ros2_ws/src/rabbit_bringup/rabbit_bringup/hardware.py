@@ -138,7 +138,8 @@ class Hardware(Plant):
         assert self.sensors is not None
         names, said = ("torso", *ACTUATED), [self.sensors.attitude, *self.sensors.joint_angles.tolist()]
         expected, tolerance = start[DOF - len(names) :].tolist(), self._p.start_tolerance
-        far = [each for each in zip(names, said, expected, strict=True) if not abs(each[1] - each[2]) <= tolerance]
+        pairs = zip(names, said, expected, strict=True)
+        far = [(name, angle, near) for name, angle, near in pairs if not abs(angle - near) <= tolerance]
         words = ", ".join(f"{name} {angle:.2f} (expected {near:.2f})" for name, angle, near in far)
         return f"not near the gait's start: {words}, +-{tolerance:g} rad" if far else ""
 
@@ -151,7 +152,7 @@ class Hardware(Plant):
         self._at_limit = np.where(is_at_limit, self._at_limit + passed, 0.0)
         self._encoders.see(self.sensors, passed)
         angles = self.sensors.attitude + self.sensors.joint_angles.reshape(2, 2).sum(axis=1)  # of the shins
-        force = np.array([in_world(*each) for each in zip(self.foot_force, angles, strict=True)])
+        force = np.array([in_world(sole, angle) for sole, angle in zip(self.foot_force, angles, strict=True)])
         contact, unknown = force[:, 1] > CONTACT_FORCE, np.full(DOF, np.nan)
         state = RobotState(self._tick, unknown, unknown, force, contact, 0, None, sensors=self.sensors)
         state = self._estimator.update(state)
@@ -160,17 +161,16 @@ class Hardware(Plant):
 
     def _touches(self, feet: Array, contact: Array) -> list[Touch]:
         """Feet that came down since the last tick, after they had been higher than the other."""
-        found = []
+        touches = []
         for leg in Leg:
             if contact[leg] and self._clear[leg]:
-                found.append(Touch(leg, float(feet[leg, 0]), float(feet[leg.other, 0]), hold=True))
+                touches.append(Touch(leg, float(feet[leg, 0]), float(feet[leg.other, 0]), hold=True))
             is_high = feet[leg, 1] - feet[leg.other, 1] > CLEAR_HEIGHT
             self._clear[leg] = not contact[leg] and bool(self._clear[leg] or is_high)
-        return found
+        return touches
 
 
 def in_world(force: Array, angle: float) -> Array:
     """A force (2,) in the sole of a shin that is turned by `angle`, as `conversions.foot_wrench` has it."""
     sine, cosine = np.sin(angle), np.cos(angle)
-    turned: Array = np.array([[cosine, sine], [-sine, cosine]]) @ force
-    return turned
+    return np.array([[cosine, sine], [-sine, cosine]]) @ force

@@ -1,11 +1,11 @@
-"""Whether a robot's sensors can be believed: their stamps make ticks, and its encoders turn as the robot does."""
+"""Whether a robot's sensors can be believed: their stamps make ticks, and the encoders turn as the robot does."""
 
 from collections.abc import Sequence
 
 import numpy as np
 from rabbit_description.state import ACTUATED, TICK_SECONDS, Array, BodySensors
 
-JITTER = 0.1  # of a tick, by which its sensors' stamps may come early
+JITTER = 0.1  # of a tick, by which the sensors' stamps may come early
 SECOND = 1_000_000_000  # ns
 TURNS = 0.5  # rad/s, above which the robot moves
 
@@ -29,7 +29,7 @@ class SensorClock:
         before, self._stamps[name] = self._stamps[name], stamp
         if stamp < before:
             self.fault = f"clock went back: {name} from {before / SECOND:.3f} to {stamp / SECOND:.3f} s"
-            self._stamps = {each: stamp if each == name else 0 for each in self._stamps}
+            self._stamps = dict.fromkeys(self._stamps, 0) | {name: stamp}
             self.ticked = 0
             return True
         (last, oldest), (first, newest) = self._ends
@@ -47,8 +47,8 @@ class SensorClock:
     @property
     def _ends(self) -> tuple[tuple[str, int], tuple[str, int]]:
         """The oldest and the newest of the newest stamps."""
-        order = sorted(self._stamps.items(), key=lambda each: each[1])
-        return order[0], order[-1]
+        in_order = sorted(self._stamps.items(), key=lambda name_and_stamp: name_and_stamp[1])
+        return in_order[0], in_order[-1]
 
     def __str__(self) -> str:
         """Who is late, and by how much."""
@@ -59,8 +59,8 @@ class SensorClock:
 
 
 class EncoderWatch:
-    """For how long each encoder's angle has been the same, `still` (4,), s, and how far the robot has turned meanwhile,
-    `turned` (4,), rad: by the fastest of its joints and its torso."""
+    """For how long an encoder's angle has been the same, `still` (4,), s, and how far the robot has turned meanwhile,
+    `turned` (4,), rad: by the fastest of joints and torso."""
 
     def __init__(self, frozen_time: float) -> None:
         self._frozen_time, self._angles = frozen_time, np.full(len(ACTUATED), np.nan)
@@ -77,5 +77,4 @@ class EncoderWatch:
     @property
     def are_frozen(self) -> Array:
         """Which are, (4,)."""
-        frozen: Array = (self.still > self._frozen_time) & (self.turned > TURNS * self.still)
-        return frozen
+        return (self.still > self._frozen_time) & (self.turned > TURNS * self.still)

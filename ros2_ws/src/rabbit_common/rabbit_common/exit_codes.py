@@ -21,7 +21,7 @@ class ExitCode(IntEnum):
 
 
 CUT_SHORT = "reset"  # the outcome of an episode that another one replaces, as `reset_episode` asks for
-OF_THE_GRAPH = ("fault", "silent", CUT_SHORT)  # outcomes that are not the robot's own
+OF_THE_GRAPH = ("fault", "silent", CUT_SHORT)  # outcomes that are not the robot's
 
 MEANINGS = {
     ExitCode.WALKED: "every episode was walked to its end",

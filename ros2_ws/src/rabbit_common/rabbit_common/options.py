@@ -1,4 +1,4 @@
-"""Command-line options made from pydantic models: one for each field, checked by the model itself.
+"""Command-line options made from pydantic models: one a field, checked by the model itself.
 
     @app.command()
     @options(EvaluationOptions, SimulationParameters)
@@ -42,7 +42,7 @@ Model = TypeVar("Model", bound=BaseModel)
 
 @dataclass(frozen=True)
 class Defaults:
-    """A command's own defaults in place of its models', by field name; `options` shows them in the help text.
+    """A command's defaults in place of the models', by field name; `options` shows them in the help text.
 
     `always` hold where an option is not given, those of `bare` only if neither --controller nor --parameters is given.
     """
@@ -60,13 +60,13 @@ class Defaults:
         is_none = default is None or default in ("", ())
         if name not in self.bare:
             return "" if is_none else f"(default: {in_words(default)})"
-        other = "" if is_none or name in CHOOSES else f"; {in_words(default)} with --controller or --parameters"
-        return f"(default: {in_words(self.bare[name])}{other})"
+        beside = "" if is_none or name in CHOOSES else f"; {in_words(default)} with --controller or --parameters"
+        return f"(default: {in_words(self.bare[name])}{beside})"
 
 
 @dataclass(frozen=True)
 class Given:
-    """The options that were given, by field name, over the command's own defaults."""
+    """The options that were given, by field name, over the command's defaults."""
 
     values: Mapping[str, Any]
     defaults: Defaults = Defaults()
@@ -82,8 +82,8 @@ class Given:
         words = []
         for name, value in sorted(self.values.items()):
             if name not in but:
-                words += [option_name(f"no_{name}" if value is False else name)]
-                words += [] if isinstance(value, bool) else [str(value)]
+                option = option_name(f"no_{name}" if value is False else name)
+                words += [option] if isinstance(value, bool) else [option, str(value)]
         return shlex.join(words)
 
     def over(self, values: Mapping[str, Any]) -> "Given":
@@ -91,7 +91,7 @@ class Given:
         return Given({**values, **self.values}, self.defaults)
 
     def build(self, model: type[Model], **defaults: Any) -> Model:
-        """The model, `defaults` in place of its own; ends the command where a value is wrong."""
+        """The model, `defaults` in place of the model's; ends the command where a value is wrong."""
         with complaints():
             return model.model_validate({**defaults, **self.of(model)})
 
@@ -111,7 +111,7 @@ def is_bare(context: typer.Context) -> bool:
 def tell_if_bare(context: typer.Context, about: str, *begin: str) -> None:
     """End a bare call of what takes long: `about` says what it does and how long that takes, `begin` how to begin."""
     if is_bare(context):
-        print(about, *(f"    {each}" for each in begin), sep="\n")
+        print(about, *(f"    {line}" for line in begin), sep="\n")
         raise typer.Exit
 
 
@@ -153,18 +153,18 @@ def options(
 ) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Give a command the fields of `models` as options, `without` some; it is called with what was given.
 
-    Parameters of its own, after `given`, stay as they are. `rare`: those of the first model that `--help` leaves out.
+    The function's parameters after `given` stay as they are. `rare`: those of the first model that `--help` leaves out.
     """
 
     def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
-        own = list(inspect.signature(function).parameters.values())[1:]
+        further = list(inspect.signature(function).parameters.values())[1:]
         kinds = _annotations(models, defaults, rare)
-        parameters = own + [_keyword(name, kind) for name, kind in kinds.items() if name not in without]
+        parameters = further + [_keyword(name, kind) for name, kind in kinds.items() if name not in without]
         parameters += [HELP_ALL] if len(models) > 1 else []
 
         @functools.wraps(function)
         def command(**values: Any) -> Any:
-            kept = {each.name: values.pop(each.name) for each in own}
+            kept = {parameter.name: values.pop(parameter.name) for parameter in further}
             values.pop(HELP_ALL.name, None)
             given = {name: value for name, value in values.items() if value is not None}
             return function(Given(given, defaults), **kept)
@@ -202,7 +202,7 @@ HELP_ALL = _keyword(
 
 
 def _annotations(models: tuple[type[BaseModel], ...], defaults: Defaults, rare: Collection[str]) -> dict[str, Any]:
-    found: dict[str, Any] = {}
+    kinds: dict[str, Any] = {}
     for model in models:
         panel = re.findall(r"[A-Z][a-z]*|$", model.__name__)[0]
         for name, info in model.model_fields.items():
@@ -211,8 +211,8 @@ def _annotations(models: tuple[type[BaseModel], ...], defaults: Defaults, rare: 
             kind: Any = Annotated[str | None, typer.Option(flag, metavar=_metavar(info.annotation), **shown)]
             if info.annotation is bool:
                 kind = Annotated[bool | None, typer.Option(f"{flag}/--no-{flag[2:]}", **shown)]
-            found.setdefault(name, kind)
-    return found
+            kinds.setdefault(name, kind)
+    return kinds
 
 
 def _help(name: str, info: FieldInfo, defaults: Defaults) -> str:
@@ -235,16 +235,16 @@ def in_words(default: Any) -> str:
 
 def in_one_form(command: Any) -> Any:
     """The command, whose options, where typer made them, show values and defaults as `options` does."""
-    for each in getattr(command, "commands", {}).values():
-        in_one_form(each)
-    for each in command.params:
-        is_flag = getattr(each, "is_flag", False)
-        if each.show_default and each.default not in (None, "", []) and not (is_flag and not each.secondary_opts):
-            each.help = f"{each.help or ''} (default: {in_words(each.default)})".strip()
-        each.show_default = False
-        kind = getattr(each, "type_descriptor", None)
-        if kind and each.param_type_name == "option" and not is_flag and not each.metavar:
-            each.metavar = _metavar(kind.annotation)
+    for subcommand in getattr(command, "commands", {}).values():
+        in_one_form(subcommand)
+    for option in command.params:
+        is_flag = getattr(option, "is_flag", False)
+        if option.show_default and option.default not in (None, "", []) and not (is_flag and not option.secondary_opts):
+            option.help = f"{option.help or ''} (default: {in_words(option.default)})".strip()
+        option.show_default = False
+        kind = getattr(option, "type_descriptor", None)
+        if kind and option.param_type_name == "option" and not is_flag and not option.metavar:
+            option.metavar = _metavar(kind.annotation)
     return command
 
 
@@ -255,5 +255,4 @@ def _metavar(annotation: Any) -> str:
         return f"{_metavar(get_args(annotation)[0])},..."
     if get_origin(annotation) is UnionType:  # with None
         return _metavar(get_args(annotation)[0])
-    known = {float: "NUMBER", int: "COUNT", str: "NAME", Path: "PATH"}
-    return known.get(annotation, "VALUE")
+    return {float: "NUMBER", int: "COUNT", str: "NAME", Path: "PATH"}.get(annotation, "VALUE")

@@ -1,4 +1,4 @@
-"""What a command may write to: folders that were empty or are its own, and files that are not there yet.
+"""What a command may write to: folders that were empty or that it made, and files that are not there yet.
 
 Until it ends, no other command writes there: it has a lock, which dies with its process.
 """
@@ -16,7 +16,7 @@ from rabbit_description.atomic_file import remove_partials
 
 from rabbit_common.options import fail
 
-CLICK = typer.Context.__mro__[1].__module__.rpartition(".")[0]  # a package of its own, or in newer typers a part
+CLICK = typer.Context.__mro__[1].__module__.rpartition(".")[0]  # a package, or in newer typers a part of typer
 RESERVED = ".{}.{}".format("0" * 32, "{}")  # of a file to come: as long as a name of `atomic_file.replacing`
 
 

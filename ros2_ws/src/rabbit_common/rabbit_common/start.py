@@ -1,4 +1,4 @@
-"""Every node's executable: becomes an entry point in the group `rabbit.nodes`, by default the one of its own name.
+"""Every node's executable: becomes an entry point in the group `rabbit.nodes`, by default the one of the same name.
 
 A node imports for a second or two. A Ctrl-C meanwhile ends it at once, without a traceback.
 """
@@ -17,11 +17,9 @@ def main(name: str = "") -> None:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     wanted = name or Path(sys.argv[0]).name
-    found = tuple(entry_points(group="rabbit.nodes", name=wanted))
-    if len(found) != 1:
-        print(
-            f"error: {len(found)} nodes {wanted} installed, expected one; source the workspace's setup.bash",
-            file=sys.stderr,
-        )
+    nodes = tuple(entry_points(group="rabbit.nodes", name=wanted))
+    if len(nodes) != 1:
+        line = f"error: {len(nodes)} nodes {wanted} installed, expected one; source the workspace's setup.bash"
+        print(line, file=sys.stderr)
         sys.exit(2)
-    found[0].load()()
+    nodes[0].load()()

@@ -17,4 +17,4 @@ FRAME = """  <link name="{0}"/>
 def robot_description() -> str:
     """The URDF for ROS: with the frames that ROS names. No physics engine gets to see those."""
     text = URDF_PATH.read_text(encoding="utf-8")
-    return text.replace("</robot>", "".join(FRAME.format(*each) for each in FRAMES.items()) + "</robot>")
+    return text.replace("</robot>", "".join(FRAME.format(*frame) for frame in FRAMES.items()) + "</robot>")

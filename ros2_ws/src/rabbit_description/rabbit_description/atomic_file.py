@@ -16,7 +16,7 @@ PARTIAL = re.compile(r"\.[0-9a-f]{32}\..+", re.DOTALL)  # the names that `replac
 def replacing(path: Path) -> Iterator[Path]:
     """A path to write to, in the same folder: what is there takes the place of `path`, unless the block raises.
 
-    Each writer has a path of its own: of several at once the last one's file stays, whole.
+    No two writers have the same path: of several at once the last one's file stays, whole.
 
     Raises:
         OSError: with the name of the file, as on a full disk.
@@ -56,4 +56,4 @@ def replace_text(path: Path, text: str) -> None:
 def first_free(path: Path) -> Path:
     """The path itself, or the first of `PATH-2`, `PATH-3`, ... that is not there."""
     paths = chain([path], (path.with_name(f"{path.name}-{number}") for number in count(2)))
-    return next(each for each in paths if not each.exists())
+    return next(free for free in paths if not free.exists())

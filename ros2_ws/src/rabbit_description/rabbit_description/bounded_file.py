@@ -77,12 +77,12 @@ def gunzip(data: bytes, most: int) -> bytes:
     """What gzip compressed, at most `most` bytes; raises `FileError`."""
     stream = zlib.decompressobj(wbits=31)
     try:
-        found = stream.decompress(data, most)
+        content = stream.decompress(data, most)
     except zlib.error as error:
         raise FileError(str(error)) from error
     if not stream.eof:
         raise FileError(f"cut, or more than {most} bytes")
-    return found
+    return content
 
 
 def _check(status: os.stat_result, most: int) -> None:

@@ -70,12 +70,12 @@ class Gait(GaitFile):
 
     @property
     def x_start(self) -> tuple[Array, Array]:
-        """Post-impact `(q, dq)`, each of shape (7,), stance/swing order."""
+        """Post-impact `(q, dq)`, of shape (7,), stance/swing order."""
         return np.array(self.q_start), np.array(self.dq_start)
 
 
 class GaitLibrary(GaitFile):
-    """Gaits over a grid of step lengths and slopes, of one degree: slope by slope, and in each by step length.
+    """Gaits over a grid of step lengths and slopes, of one degree: slope by slope, of a slope by step length.
 
     A library for level ground has one slope. An episode begins with the gait of `start_length`, m, for the slope
     nearest to level ground.
@@ -94,9 +94,9 @@ class GaitLibrary(GaitFile):
                 expected = "expected increasing slopes, in each increasing step lengths"
                 raise ValueError(f"gaits {one.name} and {other.name}: {slopes}; {lengths}: {expected}")
         for slope, row in zip(self.slopes, self.rows, strict=True):
-            found = [gait.step_length for gait in row]
-            if found != self.lengths:
-                raise ValueError(f"slope {slope:g}: step lengths {found}: expected {self.lengths} as in the first")
+            in_row = [gait.step_length for gait in row]
+            if in_row != self.lengths:
+                raise ValueError(f"slope {slope:g}: step lengths {in_row}: expected {self.lengths} as in the first")
         for neighbours in (*self.rows, *zip(*self.rows, strict=True)):
             for one, other in pairwise(neighbours):
                 if other.phase_angle_start > one.phase_angle_end or one.phase_angle_start > other.phase_angle_end:
@@ -161,7 +161,7 @@ def load_gaits(name_or_path: str | Path) -> Gaits:
     path = Path(name_or_path)
     if path.suffix != ".yaml":
         places = (folder / f"{name_or_path}.yaml" for folder in (GAITS, LIBRARIES))
-        path = next((each for each in places if is_file(each)), path)
+        path = next((place for place in places if is_file(place)), path)
     if not is_file(path):
         known = [*shipped(GAITS), *shipped(LIBRARIES)]
         raise GaitError(f"gait {name_or_path}: no such file, expected {one_of(name_or_path, known)}, or a YAML file")

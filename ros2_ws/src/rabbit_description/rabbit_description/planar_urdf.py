@@ -71,7 +71,7 @@ def _parsed(urdf: str) -> Element:
                     raise UrdfError(f"URDF {robot.get('name')}: link {link.get('name')}: {said}: expected 0 or more")
     for element in robot.iter():  # pinocchio drops the inertia of a link whose place it cannot read
         for name, text in ((name, element.get(name, "0 0 0")) for name in ("xyz", "rpy")):
-            if not (len(text.split()) == 3 and all(math.isfinite(_number(each)) for each in text.split())):
+            if not (len(text.split()) == 3 and all(math.isfinite(_number(word)) for word in text.split())):
                 raise UrdfError(f"URDF {robot.get('name')}: {element.tag} {name} = {text}: expected 3 finite numbers")
     return robot
 

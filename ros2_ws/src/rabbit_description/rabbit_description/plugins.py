@@ -23,7 +23,7 @@ def entries(group: str) -> Any:
 
 def names(group: str) -> tuple[str, ...]:
     """What a parameter may choose from, in alphabetical order."""
-    return tuple(sorted(_found(group, tuple(sys.path))))
+    return tuple(sorted(_by_name(group, tuple(sys.path))))
 
 
 def load(group: str, name: str) -> Any:
@@ -36,18 +36,18 @@ def load(group: str, name: str) -> Any:
     from rabbit_description.user_code import fault_in_user_code, plugged  # pydantic: not for a list of commands
     from rabbit_description.validation import one_of
 
-    found = _found(group, tuple(sys.path))
-    if name not in found:
+    parts = _by_name(group, tuple(sys.path))
+    if name not in parts:
         known = names(group)
         choices = one_of(name, known) if known else "what an installed package brings; none brings one"
         raise PluginError(f"{group} {name}: expected {choices}")
-    plugged.add(found[name].module.partition(".")[0])
+    plugged.add(parts[name].module.partition(".")[0])
     try:
-        return found[name].load()
+        return parts[name].load()
     except ImportError as error:
         library = (error.name or "").partition(".")[0]
         message = f"it needs the library {error.name}, which is not installed"
-        if (package := found[name].dist) and library in (package.metadata.get_all("Provides-Extra") or ()):
+        if (package := parts[name].dist) and library in (package.metadata.get_all("Provides-Extra") or ()):
             message += f": pip install '{package.name}[{library}]'"
         if library and find_spec(library):
             message = f"{error}: it was written for another version of {library} (CHANGELOG.md)"
@@ -59,14 +59,14 @@ def load(group: str, name: str) -> Any:
 
 
 @cache
-def _found(group: str, path: tuple[str, ...]) -> dict[str, EntryPoint]:
-    """By name, as `sys.path` is; raises `PluginError` where two packages bring different parts under one name."""
-    found: dict[str, EntryPoint] = {}
+def _by_name(group: str, path: tuple[str, ...]) -> dict[str, EntryPoint]:
+    """As `sys.path` is; raises `PluginError` where two packages bring different parts under one name."""
+    parts: dict[str, EntryPoint] = {}
     for entry in _entry_points(path).select(group=group):
-        other = found.setdefault(entry.name, entry)
-        if other.value != entry.value:
-            raise PluginError(f"{group} {entry.name}: expected one, found {other.value} and {entry.value}")
-    return found
+        first = parts.setdefault(entry.name, entry)
+        if first.value != entry.value:
+            raise PluginError(f"{group} {entry.name}: expected one, found {first.value} and {entry.value}")
+    return parts
 
 
 @cache  # reading those of all packages takes tens of ms

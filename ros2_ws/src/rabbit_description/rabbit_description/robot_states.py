@@ -1,4 +1,4 @@
-"""The states of N robots at one tick, a row each: what `RobotState` has of one."""
+"""The states of N robots at one tick, in rows: what `RobotState` has of one."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -31,10 +31,10 @@ class RobotStates:
     def of(cls, states: Sequence[RobotState]) -> "RobotStates":
         """From the states of single robots."""
         arrays = {name: np.array([getattr(state, name) for state in states]) for name in ARRAYS}
-        found = cls(**arrays, stones=np.full((len(states), 3), np.nan), previews=[None] * len(states))
+        rows = cls(**arrays, stones=np.full((len(states), 3), np.nan), previews=[None] * len(states))
         for i, state in enumerate(states):
-            found.see(i, state.preview)
-        return found
+            rows.see(i, state.preview)
+        return rows
 
     def __len__(self) -> int:
         return len(self.tick)

@@ -21,7 +21,7 @@ ACTUATED = ("left_hip", "left_knee", "right_hip", "right_knee")
 COORDINATES = (*BASE_JOINTS, *ACTUATED)
 FEET = ("left", "right")
 DOF = len(COORDINATES)  # degrees of freedom: so many numbers have q and dq
-JOINTS = len(ACTUATED)  # each with a motor, an encoder, a component of mu and an output
+JOINTS = len(ACTUATED)  # so many motors, encoders, components of mu and outputs are there
 LEG_JOINTS = JOINTS // len(FEET)
 SWAP_TORQUE = np.array([2, 3, 0, 1])  # left, right <-> stance, swing when the right leg stands
 SWAP_STATE = np.concatenate([np.arange(BASE), BASE + SWAP_TORQUE])
@@ -109,7 +109,7 @@ def orientation_of(attitude: float) -> Array:
 
 @dataclass(frozen=True)
 class BodySensors:
-    """What the robot's own sensors say at the end of a tick, with their errors.
+    """What the robot's sensors say at the end of a tick, with their errors.
 
     `joint_angles`, `joint_rates` (4,): encoders and their drives, `ACTUATED` order; rad, rad/s. The IMU sits in the
     torso at the hip: `orientation` (2,) is the gyro integrated since the reset, w and y of the quaternion; `pitch_rate`
@@ -140,9 +140,9 @@ class RobotState:
     `touchdowns` counts landings since the reset, so stone `touchdowns + 1` is the one previewed; `preview` is None on
     flat ground. `running` is False once the episode has ended (fall, miss, all stones walked). `applied` (4,), N m,
     left/right order: the command over the tick that ended now, which in real time may be another than the controller's
-    last; NaN at tick 0. `sensors`: where only the robot's own sensors measure; `q` and `dq` are NaN until a state
-    estimator has filled them in.
-    A control task's state has arrays of its own lengths, no feet, and the model's `parameters` at this tick.
+    last; NaN at tick 0. `sensors`: where only the robot's sensors measure; `q` and `dq` are NaN until a state estimator
+    has filled them in.
+    A control task's state has arrays of the task's lengths, no feet, and the model's `parameters` at this tick.
     """
 
     tick: int

@@ -119,14 +119,14 @@ class ControlTask:
         failed: positive where an episode has failed, an expression of x, p and the input u that is held there, or a
             `Limit` by its name, or several; it is looked at as a tick ends, but not one with an impact, in which forces
             are the impact's.
-        tolerance: by how much a barrier may be negative and still counts as kept, in its own unit.
+        tolerance: by how much a barrier may be negative and still counts as kept, in the barrier's unit.
         constraints: further rows, under the model, see `Tick`: nothing of them is learned.
         objective: see `Tick`; None: the least mu.
         coordinates: names of q; none: x1, x2, ... inputs: names of u; none: u1, u2, ...
         draw: shapes in the plane for a state x and parameters p (a mapping by name); None: the state in the
             plane of its first two components.
         controllers: further ones by name, u (m,) of (x, p): end to end, without a QP.
-        plant: the next state of (x, p, u) in place of the system's own integration.
+        plant: the next state of (x, p, u) in place of an integration of the system.
         impact: where the state jumps; impacts: an episode is done after so many, and has failed if it has fewer.
         training: what a training of it has in place of the defaults, by name, see `TrainingParameters`.
 
@@ -183,10 +183,8 @@ class ControlTask:
     @cached_property
     def tick(self) -> Tick:
         """The controller's tick. `look` gives `observation`, and `barriers` in their order."""
-        reads = {
-            "observation": ca.vertcat(*self.observed.values()),
-            "barriers": ca.vertcat(*(b.B for b in self.barriers)),
-        }
+        barriers = ca.vertcat(*(barrier.B for barrier in self.barriers))
+        reads = {"observation": ca.vertcat(*self.observed.values()), "barriers": barriers}
         return Tick(
             self.system,
             self.quantities,
@@ -199,7 +197,7 @@ class ControlTask:
     @property
     def barriers(self) -> list[Barrier]:
         """In their order."""
-        return [each for each in self.quantities if isinstance(each, Barrier)]
+        return [quantity for quantity in self.quantities if isinstance(quantity, Barrier)]
 
     @property
     def observed(self) -> Mapping[str, ca.SX]:
@@ -239,8 +237,8 @@ class ControlTask:
     def parameters_at(self, of_plant: Mapping[str, float], commanded: Mapping[str, float]) -> Array:
         """p (k,) of the model, with what is `commanded` and what is `of_plant`; raises `TaskError`."""
         if set(commanded) != set(self.commanded):
-            given, wanted = ", ".join(sorted(commanded)) or "nothing", ", ".join(self.commanded) or "nothing"
-            raise TaskError(f"commands give {given}: expected {wanted}")
+            names, expected = ", ".join(sorted(commanded)) or "nothing", ", ".join(self.commanded) or "nothing"
+            raise TaskError(f"commands give {names}: expected {expected}")
         values = {**self.nominal, **of_plant, **commanded}
         p = np.array([values[name] for name in self.system.named])
         if not np.isfinite(p).all():
@@ -311,8 +309,7 @@ class ControlTask:
         """Through an impact too, which is located."""
 
         def later(seconds: float, since: Moved = now) -> Array:
-            x: Array = self.later_by(since.x, p, since.u, np.array([seconds])).x
-            return x
+            return self.later_by(since.x, p, since.u, np.array([seconds])).x
 
         x = later(h)
         if self.impact is None or not np.isfinite(x).all():
@@ -337,16 +334,17 @@ class ControlTask:
     def _limited(self) -> NumpyFunction:
         """Of all limits the values, and by how much they are passed."""
         system, limits = self.system, self.limits.values()
-        beyond = ca.vertcat(ca.SX(0, 1), *(ca.fmax(each.value - each.most, each.least - each.value) for each in limits))
-        found = {"values": ca.vertcat(ca.SX(0, 1), *(each.value for each in limits)), "beyond": beyond}
-        return NumpyFunction.of("limited", {"x": system.x, "p": system.p, "u": system.u}, found)
+        beyond = [ca.fmax(limit.value - limit.most, limit.least - limit.value) for limit in limits]
+        columns = {"values": [limit.value for limit in limits], "beyond": beyond}
+        outputs = {name: ca.vertcat(ca.SX(0, 1), *column) for name, column in columns.items()}
+        return NumpyFunction.of("limited", {"x": system.x, "p": system.p, "u": system.u}, outputs)
 
     def why_failed(self, now: Moved, p: Array, impacts: int) -> str:
         """Of an episode with this outcome: which limit was passed, its value and the bound."""
         if not np.isfinite(now.x).all():
             return f"state = {now.x.tolist()}: expected finite numbers"
-        found = self._limited(now.x, p, now.u)
-        for (name, limit), value, beyond in zip(self.limits.items(), found.values, found.beyond, strict=True):
+        limited = self._limited(now.x, p, now.u)
+        for (name, limit), value, beyond in zip(self.limits.items(), limited.values, limited.beyond, strict=True):
             if beyond > 0 and not now.impacts:
                 return limit.said(name, float(value))
         return f"impacts = {impacts}: expected {self.impacts} in {self.duration:g} s"

@@ -21,7 +21,7 @@ class TaskSimulation:
     def __init__(self, task: ControlTask) -> None:
         self.task, self.true = task, dict(task.true)
         self.layout, self.tick_seconds = layout_of(task), task.seconds
-        self.altered: Callable[[Given], Given] = lambda given: given
+        self.altered: Callable[[Given], Given] = lambda commands: commands
         self.outcome, self.reason = "idle", ""
 
     def close(self) -> None:
@@ -29,8 +29,8 @@ class TaskSimulation:
 
     def reset(self, seed: int) -> RobotState:
         """A new episode."""
-        self.x, given, _ = self.task.beginning(seed)
-        self._given = self.altered(given)
+        self.x, commands, _ = self.task.beginning(seed)
+        self._commands = self.altered(commands)
         self._tick, self._impacts, self.outcome, self.reason = 0, 0, "running", ""
         return self._state(np.full(len(self.layout.joints), np.nan))
 
@@ -65,7 +65,7 @@ class TaskSimulation:
         return np.zeros(len(state.applied))
 
     def _commanded(self) -> dict[str, float]:
-        return dict(self._given(self._tick * self.task.seconds, self._impacts))
+        return dict(self._commands(self._tick * self.task.seconds, self._impacts))
 
     def _state(self, applied: Array) -> RobotState:
         p = self.task.parameters_at({}, self._commanded())
@@ -74,7 +74,7 @@ class TaskSimulation:
 
 
 class TaskSimulations:
-    """Several at once; each moves to the bit as it would alone."""
+    """Several at once; they move to the bit as they would alone."""
 
     def __init__(self, task: ControlTask, n: int) -> None:
         self.task, self.systems = task, [TaskSimulation(task) for _ in range(n)]
@@ -87,7 +87,7 @@ class TaskSimulations:
     def step(self, u: Array) -> list[RobotState]:
         """Go on one tick under the inputs `u` (N, m)."""
         if self._glide is None:
-            return [system.step(each) for system, each in zip(self.systems, u, strict=True)]
+            return [system.step(row) for system, row in zip(self.systems, u, strict=True)]
         x, true = (np.array([getattr(system, name) for system in self.systems]) for name in ("x", "parameters"))
         glided, states = self._glide(x, true, u), list[RobotState]()
         for i, system in enumerate(self.systems):

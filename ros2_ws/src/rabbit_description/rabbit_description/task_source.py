@@ -32,7 +32,7 @@ def load_task(source: str) -> ControlTask:
 
 
 def files_of(source: str) -> tuple[Path, ...]:
-    """The files that a task is made of: its own, and the URDF that a walker names; of a package's task none."""
+    """The files that a task is made of: `source`, and the URDF that a walker names; of a package's task none."""
     path = Path(source)
     if path.suffix == ".yaml":
         return path, path.parent / str(read_mapping(path).get("urdf", ""))
@@ -43,17 +43,16 @@ def _loaded(source: str) -> ControlTask:
     path = Path(source)
     if path.suffix not in (".py", ".yaml"):
         try:
-            found = plugins.load(GROUP, source)
+            task = plugins.load(GROUP, source)
         except LookupError as error:
             raise TaskError(f"{error}; or a file that ends in .py or .yaml") from error
-        if not isinstance(found, ControlTask):
-            raise TaskError(f"{GROUP} {source}: expected a ControlTask, found {found!r}")
-        return found
+        if not isinstance(task, ControlTask):
+            raise TaskError(f"{GROUP} {source}: expected a ControlTask, found {task!r}")
+        return task
     if not is_file(path):
         raise TaskError(f"{source}: no such file")
     if path.suffix == ".yaml":
-        task: ControlTask = plugins.load(FILES, "yaml")(path)
-        return task
+        return plugins.load(FILES, "yaml")(path)
     spec = importlib.util.spec_from_file_location(path.stem, path)
     assert spec
     assert spec.loader

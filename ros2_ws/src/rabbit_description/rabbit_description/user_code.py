@@ -19,9 +19,9 @@ plugged = set[str]()  # top-level modules of loaded plugins, which may lie among
 
 
 def fault_in_user_code(error: BaseException) -> str | None:
-    """The innermost line of a person's own code that led to the error; None where there is none.
+    """The innermost line of a user's code that led to the error; None where there is none.
 
-    Code is a person's own if it is neither this project's nor a library's.
+    Code is a user's if it is neither this project's nor a library's.
     """
     places = [(frame.f_globals, frame.f_code.co_filename, line) for frame, line in walk_tb(error.__traceback__)]
     if isinstance(error, SyntaxError) and error.filename:

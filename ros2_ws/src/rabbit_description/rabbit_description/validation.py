@@ -29,13 +29,13 @@ def nearest(name: object, known: Collection[str]) -> str:
 def one_of(name: object, known: Collection[str]) -> str:
     """What was expected in place of a name that is not known: all names, the nearest one first."""
     near = nearest(name, known)
-    said = ", ".join(sorted(known, key=lambda each: each != near))
-    return f"one of {said} (did you mean {near}?)" if near else f"one of {said}"
+    names = ", ".join(sorted(known, key=lambda name: name != near))
+    return f"one of {names} (did you mean {near}?)" if near else f"one of {names}"
 
 
 def fault(error: ValidationError, named: Callable[[str], str] = str, equals: str = " = ") -> str:
     """Name, value and expectation of the first thing that is wrong, an unknown name before all others."""
-    first = min(error.errors(), key=lambda each: each["type"] != "extra_forbidden")
+    first = min(error.errors(), key=lambda entry: entry["type"] != "extra_forbidden")
     text = re.sub(r"^(Input should be|Value error,)( a valid)? ?(expected )?", "", first["msg"])
     if first["type"] == "literal_error":
         known = re.findall(r"'([^']*)'", str(first.get("ctx", {}).get("expected", "")))

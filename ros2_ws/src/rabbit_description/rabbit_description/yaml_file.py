@@ -106,16 +106,16 @@ def _value(events: Iterator[Any], event: Any, place: str, depth: int) -> Any:
         while not isinstance(event := next(events), yaml.SequenceEndEvent):
             values.append(_value(events, event, f"{place}[{len(values)}]", depth + 1))
         return values
-    found: dict[str, Any] = {}
+    mapping: dict[str, Any] = {}
     while not isinstance(event := next(events), yaml.MappingEndEvent):
         name = _value(events, event, place, depth) if isinstance(event, yaml.ScalarEvent) else None
         if not isinstance(name, str) or len(name) > LONGEST_KEY:
             _refuse(event, place, f"a key: expected text of at most {LONGEST_KEY} characters")
         inner = f"{place}.{name}" if place else name
-        if name in found:
+        if name in mapping:
             _refuse(event, "", f"key {inner[:LONGEST_KEY]}: expected once")
-        found[name] = _value(events, next(events), inner, depth + 1)
-    return found
+        mapping[name] = _value(events, next(events), inner, depth + 1)
+    return mapping
 
 
 def _plain(text: str) -> Any:

@@ -40,9 +40,9 @@ class AssemblyError(ValueError):
 
 @dataclass(frozen=True)
 class Assembly:
-    """What an episode is made of, but for its seed. `policy` is `zero`, `oracle` or the path of a policy file.
+    """What an episode is made of, but for the seed. `policy` is `zero`, `oracle` or the path of a policy file.
 
-    A method of its own kind of controller derives from this and names that.
+    A method with another kind of controller derives from this and names that.
     """
 
     kind: ClassVar[type[Controller]] = Controller
@@ -70,7 +70,6 @@ class Assembly:
         return self.kind(self.controller, load_gaits(self.controller.gait), self.make_policy(), further)
 
     def make_policy(self) -> Policy:
-        """The policy object."""
         if self.policy == "zero":
             return ZeroPolicy(self.controller.problem)
         if self.policy == "oracle":
@@ -84,14 +83,8 @@ class Assembly:
     def _oracle(self) -> OraclePolicy:
         p = self.simulation
         gains = tuple(getattr(p, f"{joint}_gain") for joint in ACTUATED)
-        plant = TruePlant(
-            perturbed_urdf(p),
-            1 - p.motor_loss,
-            p.joint_damping,
-            () if set(gains) == {1} else gains,
-            p.coulomb,
-            p.slope,
-        )
+        gains = () if set(gains) == {1} else gains
+        plant = TruePlant(perturbed_urdf(p), 1 - p.motor_loss, p.joint_damping, gains, p.coulomb, p.slope)
         return OraclePolicy(plant, io=self.controller.problem.corrects_input)
 
 
@@ -129,9 +122,9 @@ def exported_estimator(parameters: SimulationParameters) -> StateEstimator | Non
     """That estimator for `export`; None where the sensors are exact."""
     if parameters.sensors == "exact":
         return None
-    made = make_estimator(parameters)
-    first = made.found.row[: MEMORY.size]
-    return StateEstimator(estimate_state(), MEMORY, SENSORS, SETTINGS, made.settings, first, REFUSALS)
+    estimator = make_estimator(parameters)
+    first = estimator.found.row[: MEMORY.size]
+    return StateEstimator(estimate_state(), MEMORY, SENSORS, SETTINGS, estimator.settings, first, REFUSALS)
 
 
 def make_estimator(parameters: SimulationParameters) -> ContactAidedFilter:

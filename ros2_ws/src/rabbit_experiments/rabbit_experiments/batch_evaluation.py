@@ -1,4 +1,4 @@
-"""Seeded runs walked side by side in MuJoCo: each leaves to the bit what it leaves alone, but for the times.
+"""Seeded runs walked side by side in MuJoCo: a run leaves to the bit what it leaves alone, but for the times.
 
 A time is a robot's share of what all of them took.
 """
@@ -32,20 +32,20 @@ class Run:
 def walk_together(
     assemblies: Sequence[Assembly], numbers: Sequence[int], seeds: Sequence[int]
 ) -> Iterator[tuple[int, RunResult]]:
-    """Walks of assemblies that differ in their plants alone, each with its run's number and its episode's seed.
+    """Walks of assemblies that differ in their plants alone; `numbers` of the runs, `seeds` of the episodes.
 
-    Yields the place and the result of each as it ends. Raises ValueError for a plant that is not MuJoCo's.
+    Yields place and result of a run as it ends. Raises ValueError for a plant that is not MuJoCo's.
     """
     from rabbit_sim.batch_simulation import BatchSimulation  # needs MuJoCo, which not everybody has
 
     first, gait = assemblies[0], load_gaits(assemblies[0].controller.gait)
-    simulation = BatchSimulation([make_simulation(each.simulation, gait) for each in assemblies])
+    simulation = BatchSimulation([make_simulation(assembly.simulation, gait) for assembly in assemblies])
     policy = first.make_policy()
-    policies = [each.make_policy() if first.policy == "oracle" else policy for each in assemblies]
+    policies = [assembly.make_policy() if first.policy == "oracle" else policy for assembly in assemblies]
     one = Controller(first.controller, gait, policy)
     controller = BatchController(one, policies)
-    numbered = enumerate(zip(numbers, seeds, assemblies, strict=True))
-    runs, states = [Run(place, *each) for place, each in numbered], simulation.reset(seeds)
+    runs = list(map(Run, range(len(seeds)), numbers, seeds, assemblies))
+    states = simulation.reset(seeds)
     for run in runs:
         controller.reset(run.place, run.seed)
     columns = BatchColumns(one)
@@ -78,10 +78,10 @@ def walk_together(
 def ended(runs: Sequence[Run], simulation: "BatchSimulation", go_on: Array) -> Iterator[tuple[int, RunResult]]:
     """The results of those that do not go on."""
     for row in (~go_on).nonzero()[0].tolist():
-        run, own = runs[row], simulation.simulations[row]
+        run, robot = runs[row], simulation.simulations[row]
         times = run.controller, run.plant, run.seconds
-        yield run.place, run.tally.result(run.seed, own.outcome, own.landings, *times)
-        own.close()
+        yield run.place, run.tally.result(run.seed, robot.outcome, robot.landings, *times)
+        robot.close()
 
 
 def kept(runs: list[Run], simulation: "BatchSimulation", controller: BatchController, go_on: Array) -> list[Run]:

@@ -26,7 +26,7 @@ MOST_BYTES = 200_000_000  # of a result, as text
 
 @dataclass(frozen=True)
 class Job(ABC):
-    """Something to compute once; its fields and its class decide the result. `title` is what the progress bar says."""
+    """Something to compute once; fields and class decide the result. `title` is what the progress bar says."""
 
     title: str = field(default="", compare=False, kw_only=True)
     model: ClassVar[type[BaseModel]]  # of the result
@@ -113,9 +113,9 @@ class Cache:
         count, changed = 0, set[str]()
         for job in jobs:
             key, path = self.key(job), self._file(job)
-            for other in sorted(path.parent.glob(path.name.replace(key.made_with, "*")))[:1]:
+            for earlier in sorted(path.parent.glob(path.name.replace(key.made_with, "*")))[:1]:
                 count += 1
-                about = self._about(other.name.removesuffix(job.suffix).rpartition("-")[2])
+                about = self._about(earlier.name.removesuffix(job.suffix).rpartition("-")[2])
                 try:
                     changed |= set(differing(key.names, json.loads(about.read_text(encoding="utf-8"))))
                 except (OSError, ValueError):

@@ -48,7 +48,7 @@ class Workers:
         self._given_up: Results = []
 
     def results(self, batches: Callable[[int], list[Batch]], do: Callable[[Batch], Results]) -> Iterator[Results]:
-        """What `do` answers to each of the `batches` for so many workers, in the order in which it comes.
+        """What `do` answers to the `batches` for so many workers, in the order in which the answers come.
 
         Raises:
             JobError: the scheduler ended, or no worker gets jobs.

@@ -27,7 +27,7 @@ def who_runs(jobs: int | None, cluster: str | None) -> int | str:
 
 
 class TuningOptions(Checked):
-    """Options of a command with a controller, besides the controller's own."""
+    """Options of a command with a controller, besides those of `ControllerParameters`."""
 
     parameters: str = Field(
         "ours", description="file of controller parameters: ours, best, nominal_tuned, authors or a YAML file"

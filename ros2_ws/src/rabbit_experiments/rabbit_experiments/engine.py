@@ -52,11 +52,11 @@ def run(
     errors: list[JobError] = []
     with progress_bar(TextColumn("{task.fields[workers]}")) as bar:
         task = bar.add_task("looks for what is done", total=len(jobs), workers="")
-        found = {cache.key(job): (job, cache.get(job) is not None) for job in bar.track(jobs, task_id=task)}
-        left = [job for job, is_done in found.values() if not is_done]
+        by_key = {cache.key(job): (job, cache.get(job) is not None) for job in bar.track(jobs, task_id=task)}
+        left = [job for job, is_done in by_key.values() if not is_done]
         if outdated := cache.outdated(left):
             bar.console.print(outdated, highlight=False, soft_wrap=True)
-        bar.reset(task, total=len(found), completed=len(found) - len(left), description="")
+        bar.reset(task, total=len(by_key), completed=len(by_key) - len(left), description="")
         for job, result in _results(left, batch, processes, bar, task):
             try:
                 if isinstance(result, JobError):
@@ -89,16 +89,13 @@ def progress_bar(*more: ProgressColumn) -> Progress:
 
 
 def batches(jobs: Sequence[Job], most: int, processes: int) -> list[list[Job]]:
-    """Companions together, at most so many, and no more than each process gets; the others alone."""
+    """Companions together, at most so many, and no more than a process gets; the others alone."""
     groups: dict[Any, list[Job]] = {}
     for number, job in enumerate(jobs):
         companions = job.companions if most > 1 else None
         groups.setdefault(number if companions is None else companions, []).append(job)
-    found = []
-    for group in groups.values():
-        size = min(most, ceil(len(group) / processes))
-        found += [group[start : start + size] for start in range(0, len(group), size)]
-    return found
+    sizes = [(group, min(most, ceil(len(group) / processes))) for group in groups.values()]
+    return [group[start : start + size] for group, size in sizes for start in range(0, len(group), size)]
 
 
 def _results(
@@ -110,7 +107,7 @@ def _results(
         return
     groups = batches(left, batch, processes)
     if processes == 1 or len(groups) <= 1:
-        yield from chain.from_iterable(map(_each, groups))
+        yield from chain.from_iterable(map(_results_of, groups))
     else:
         begin = {"initializer": end_with_parent, "initargs": (os.getpid(),)}
         with joblib.parallel_config(backend="loky", n_jobs=processes, inner_max_num_threads=1, **begin):
@@ -137,14 +134,14 @@ def _on_cluster(
 
 def _do(jobs: list[Job]) -> list[tuple[Job, Any]]:
     try:
-        return list(_each(jobs))
+        return list(_results_of(jobs))
     except Exception as error:  # its traceback stays in this process
         if where := fault_in_user_code(error):
             raise JobError(where) from None
         raise
 
 
-def _each(jobs: list[Job]) -> Iterator[tuple[Job, Any]]:
+def _results_of(jobs: list[Job]) -> Iterator[tuple[Job, Any]]:
     """Several at once where they are companions; an error is of one that is alone."""
     if len(jobs) > 1:
         yield from type(jobs[0]).do_together(jobs)

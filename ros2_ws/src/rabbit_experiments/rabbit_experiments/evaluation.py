@@ -29,14 +29,13 @@ from rabbit_experiments.walk_records import PLANT, WalkRecords, about_walk, load
 
 
 class Timed:
-    """A plant or a controller; notes how many seconds each of its steps took."""
+    """A plant or a controller; notes how many seconds the steps took."""
 
     def __init__(self, part: Any) -> None:
         self.reset, self._step = part.reset, part.step
         self.seconds: list[float] = []
 
     def step(self, argument: Any) -> Any:
-        """A step of the part."""
         start = time.perf_counter()
         result = self._step(argument)
         self.seconds.append(time.perf_counter() - start)
@@ -127,7 +126,6 @@ class SeededRun(Job):
 
     @property
     def assemblies(self) -> tuple[Assembly, ...]:
-        """All that take part."""
         return (self.assembly,)
 
 

@@ -21,7 +21,7 @@ def interrupts_held() -> Iterator[None]:
         tracker.ensure_running()  # whose start would let it in
     heard: list[int] = []
     is_main = current_thread() is main_thread()
-    handlers = {each: signal.signal(each, lambda number, _: heard.append(number)) for each in ENDING if is_main}
+    handlers = {number: signal.signal(number, lambda number, _: heard.append(number)) for number in ENDING if is_main}
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield

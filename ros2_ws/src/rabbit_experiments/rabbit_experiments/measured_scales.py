@@ -35,14 +35,14 @@ def measure_scales(assembly: Assembly, seeds: Iterable[int]) -> dict[str, Scales
         predicted = np.einsum("tnm,tm->tn", nominal.nominal_a, nominal.mu) + nominal.nominal_b
         same_step = np.diff(nominal.step_index) == 0
         errors.append(((nominal.measured[1:] - predicted[:-1]) / units_of(nominal)[:-1])[same_step])
-    found = {
+    measured = {
         "alpha_scale": ROOM * np.nanquantile(np.concatenate(alphas), QUANTILE, axis=0),
         "beta_scale": ROOM * np.nanquantile(np.concatenate(betas), QUANTILE, axis=0),
         "error_scale": np.sqrt(np.nanmean(np.square(np.concatenate(errors)), axis=0)),
     }
-    if not all(np.isfinite(values).all() for values in found.values()):
+    if not all(np.isfinite(values).all() for values in measured.values()):
         raise ScalesError("the walks end before anything is measured: expected a plant on which the robot takes a step")
-    return {name: tuple(float(f"{max(value, LEAST):.3g}") for value in values) for name, values in found.items()}
+    return {name: tuple(float(f"{max(value, LEAST):.3g}") for value in values) for name, values in measured.items()}
 
 
 def units_of(records: WalkRecords) -> np.ndarray:

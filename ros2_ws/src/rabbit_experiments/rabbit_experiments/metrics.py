@@ -42,16 +42,16 @@ Least = Annotated[float, least]
 
 def least_by_name(values: Iterable[dict[str, float]]) -> dict[str, float]:
     """The least of each name."""
-    found: dict[str, float] = {}
-    for each in values:
-        found |= {name: min(value, found.get(name, math.inf)) for name, value in each.items()}
-    return found
+    least: dict[str, float] = {}
+    for of_run in values:
+        least |= {name: min(value, least.get(name, math.inf)) for name, value in of_run.items()}
+    return least
 
 
 ByName = Annotated[  # in a cell of a table as JSON
     dict[str, float],
     least_by_name,
-    BeforeValidator(lambda given: json.loads(given) if isinstance(given, str) else given),
+    BeforeValidator(lambda cell: json.loads(cell) if isinstance(cell, str) else cell),
     PlainSerializer(json.dumps),
 ]
 

@@ -10,6 +10,7 @@ import platform
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from functools import cache
@@ -32,13 +33,11 @@ MADE_WITH = "made_with.json"  # in a folder in which one thing is made
 @cache
 def versions() -> dict[str, str]:
     """Of Python and of the libraries that are installed."""
-    found = {"python": platform.python_version()}
+    installed = {"python": platform.python_version()}
     for name in LIBRARIES:
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            continue
-    return found
+        with suppress(PackageNotFoundError):
+            installed[name] = version(name)
+    return installed
 
 
 @cache
@@ -55,7 +54,7 @@ def command() -> str:
 
 
 def plain(value: Any) -> Any:
-    """Dataclasses, models, sequences and mappings as JSON has them, each with its class; classes, functions by name.
+    """Dataclasses and models with their class, sequences and mappings, as JSON has them; classes, functions by name.
 
     Raises:
         TypeError: of anything else.
@@ -69,13 +68,13 @@ def plain(value: Any) -> Any:
     if isinstance(value, type | FunctionType):
         return {CLASS: _name(value)}
     if isinstance(value, Mapping):
-        return {str(name): plain(each) for name, each in value.items()}
+        return {str(name): plain(item) for name, item in value.items()}
     if isinstance(value, tuple | list):
-        return [plain(each) for each in value]
+        return [plain(item) for item in value]
     if isinstance(value, BaseModel):
         names = list(type(value).model_fields)
     elif is_dataclass(value):
-        names = [each.name for each in fields(value) if each.compare]
+        names = [field.name for field in fields(value) if field.compare]
     else:
         raise TypeError(f"{value!r}: expected plain data, a model or a dataclass")
     return {CLASS: _name(type(value)), **{name: plain(getattr(value, name)) for name in names}}
@@ -104,13 +103,13 @@ def provenance(asked: Any, hash_file: Callable[[Path], str] = hash_of) -> dict[s
 
 def named_files(asked: Any, hash_file: Callable[[Path], str] = hash_of) -> dict[str, str]:
     """Hashes of the files that it names."""
-    found: dict[str, str] = {}
+    hashes: dict[str, str] = {}
     for _, text in _strings(asked):
         if os.path.isfile(text):  # noqa: PTH113 (`Path.is_file` raises where a text is too long for a name)
             path = Path(text)
             name = "/".join(path.parts[-2:])
-            found[str(path) if name in found else name] = hash_file(path)
-    return found
+            hashes[str(path) if name in hashes else name] = hash_file(path)
+    return hashes
 
 
 def changed_since(folder: Path, made_with: Mapping[str, str]) -> list[str]:
@@ -141,7 +140,7 @@ def _name(code: type | FunctionType) -> str:
 
 
 def _strings(asked: Any, key: str = "") -> Iterator[tuple[str, str]]:
-    """All texts, each with the name that it has."""
+    """Names and texts of all texts."""
     if isinstance(asked, str):
         yield key, asked
     elif isinstance(asked, dict):
@@ -154,13 +153,12 @@ def _strings(asked: Any, key: str = "") -> Iterator[tuple[str, str]]:
 
 @cache
 def _parts() -> dict[str, dict[str, str]]:
-    """The parts that packages bring: by name, what each group has under it."""
-    found: dict[str, dict[str, str]] = {}
-    every = entry_points()
+    """The parts that packages bring: by name, what the groups have under it."""
+    parts: dict[str, dict[str, str]] = {}
     for group in PARTS:
-        for each in every.select(group=group):
-            found.setdefault(each.name, {})[f"{group} {each.name}"] = each.value
-    return found
+        for part in entry_points(group=group):
+            parts.setdefault(part.name, {})[f"{group} {part.name}"] = part.value
+    return parts
 
 
 def _git(folder: Path, *words: str) -> str:

@@ -1,4 +1,4 @@
-"""The code that decides a result: a digest of each package's files, data too.
+"""The code that decides a result: a digest of a package's files, data too.
 
 Those are the project's packages that walk or learn, and the packages of the classes that a job names, whole. What a
 package of your own imports from a third one of yours does not count: put it into the same package.
@@ -22,7 +22,7 @@ class CodeError(ValueError):
 @cache
 def code_of(modules: frozenset[str]) -> dict[str, str]:
     """Digests by package: of `DECIDING`, and of those of these modules; raises `CodeError`: one has no file."""
-    return {name: _digest(name) for name in sorted({*DECIDING, *(each.partition(".")[0] for each in modules)})}
+    return {name: _digest(name) for name in sorted({*DECIDING, *(module.partition(".")[0] for module in modules)})}
 
 
 def _digest(package: str) -> str:
@@ -31,7 +31,7 @@ def _digest(package: str) -> str:
         spec = find_spec(package)
     except ValueError:  # `__main__` of a prompt
         spec = None
-    folders = [Path(each) for each in (spec and spec.submodule_search_locations) or ()]
+    folders = list(map(Path, (spec and spec.submodule_search_locations) or ()))
     files = [path for folder in folders for path in folder.rglob("*") if path.is_file()]
     if spec and spec.has_location and spec.origin and not folders:
         files = [Path(spec.origin)]

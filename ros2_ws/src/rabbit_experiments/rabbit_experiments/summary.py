@@ -19,7 +19,7 @@ ENOUGH = 0.9  # share of runs from which something "walks"
 
 @dataclass(frozen=True)
 class Walks:
-    """Rows of runs, one at least, and the figures over them; `course`: stones or steps of each, inf where unknown."""
+    """Rows of runs, one at least, and the figures over them; `course`: stones or steps of a run, inf where unknown."""
 
     rows: Sequence[RunRow]
     course: float = math.inf

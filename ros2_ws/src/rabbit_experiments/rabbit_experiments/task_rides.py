@@ -21,7 +21,7 @@ from rl_trainer.task_episode import ride_of
 from rabbit_experiments.cache import Job
 from rabbit_experiments.summary import mean_interval, wilson
 
-APART = 1_000_000  # seeds of evaluations begin here times their own; those of trainings are 32 bits long, drawn
+APART = 1_000_000  # seeds of evaluations begin here times the user's; those of trainings are 32 bits long, drawn
 SHARES = (0.0, 0.5, 1.0, 1.5, 2.0)  # of the way from a nominal parameter to the true one
 Plant = tuple[tuple[str, float], ...]  # true parameters, by name
 
@@ -81,7 +81,7 @@ class TaskRide(Job):
 
 
 def rides_together(controller: TaskController, name: str, seeds: Sequence[int]) -> Iterator[tuple[int, RideRow]]:
-    """Rides side by side: the place and the row of each as it ends."""
+    """Rides side by side: place and row of a ride as it ends."""
     task, n = controller.task, len(seeds)
     batch, systems = controller.batch(controller.controlling(name), n), TaskSimulations(task, n)
     at = controller.output_places.arrays["barriers"]
@@ -143,11 +143,11 @@ def controller_of(source: str, plant: Plant, stamps: tuple[int, ...]) -> TaskCon
 def rides_of(source: str, controllers: Sequence[str], rides: int, seed: int, plant: Plant = ()) -> list[TaskRide]:
     """So many rides of each controller, the same for all."""
     files, seeds = files_of(source), range(APART * seed, APART * seed + rides)
-    return [TaskRide(source, files, name, each, plant, title=name) for name in controllers for each in seeds]
+    return [TaskRide(source, files, name, seed, plant, title=name) for name in controllers for seed in seeds]
 
 
 def plants_of(task: ControlTask) -> dict[str, Plant]:
-    """By what it is called: each true parameter at the `SHARES`, the others nominal; then all together."""
+    """By name: every true parameter at the `SHARES`, the others nominal; then all together."""
     off = list(task.true)
     plants = {}
     for varied in [[name] for name in off] + [off] * (len(off) > 1):
@@ -162,14 +162,14 @@ def plants_of(task: ControlTask) -> dict[str, Plant]:
 def summarise(task: ControlTask, rides: Sequence[RideRow]) -> dict[str, Any]:
     """Of one controller's rides; a barrier's figures are of rides that did not fail."""
     kept = sum(ride.is_kept for ride in rides)
-    found: dict[str, Any] = {"kept": kept, "of": len(rides), "kept_ci95": wilson(kept, len(rides)), "barriers": {}}
+    summary: dict[str, Any] = {"kept": kept, "of": len(rides), "kept_ci95": wilson(kept, len(rides)), "barriers": {}}
     done = np.array([ride.margins for ride in rides if ride.outcome == "done"])
     for name, margins in zip((b.name for b in task.barriers), done.T, strict=False):
         figures = {"worst": float(margins.min()), "mean": float(margins.mean()), "mean_ci95": mean_interval(margins)}
-        found["barriers"][name] = figures
+        summary["barriers"][name] = figures
     if task.impact:
         counts = np.array([float(ride.impacts) for ride in rides])
         ends = mean_interval(counts, 0.0, inf if task.impacts is None else task.impacts)
-        found["impacts"] = {"mean": float(counts.mean()), "mean_ci95": ends}
+        summary["impacts"] = {"mean": float(counts.mean()), "mean_ci95": ends}
     reasons = Counter(ride.reason.partition(" =")[0] for ride in rides if ride.reason)
-    return found | {"outcomes": dict(Counter(ride.outcome for ride in rides)), "reasons": dict(reasons)}
+    return summary | {"outcomes": dict(Counter(ride.outcome for ride in rides)), "reasons": dict(reasons)}

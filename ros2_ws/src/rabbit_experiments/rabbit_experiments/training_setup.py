@@ -30,7 +30,7 @@ def training(
     """A trainer, and the reports of the episodes that are left.
 
     It begins, or goes on with the training in `folder` if plant, gait and code are those that this one began with.
-    `command` goes into the policy files; by default it is this process's own. `learner` replaces the one that the
+    `command` goes into the policy files; by default it is this process's. `learner` replaces the one that the
     parameters name.
 
     Raises `GaitError`, `CourseError`, `CheckpointError`.

@@ -84,7 +84,7 @@ class EpisodesEnv(VectorEnv[Rows, Rows, Rows], ABC):
     ) -> tuple[Rows, dict[str, Any]]:
         """New episodes; robots, courses, first states and noise follow from the seed."""
         seeds = seed if isinstance(seed, list) else [seed if seed is None else seed + i for i in range(self.num_envs)]
-        self._rngs = [rng if each is None else np_random(each)[0] for rng, each in zip(self._rngs, seeds, strict=True)]
+        self._rngs = [rng if s is None else np_random(s)[0] for rng, s in zip(self._rngs, seeds, strict=True)]
         self._begin(range(self.num_envs))
         self._observations = self._look()
         return self._observations, self.infos
@@ -144,7 +144,6 @@ class WalkingEnv(EpisodesEnv):
         return self._batch.states
 
     def begin(self, robots: list[int], seeds: list[int]) -> None:
-        """See `EpisodesEnv`."""
         if len(robots) == self.num_envs:
             self._batch = BatchSimulation([make_simulation(self._plant(seed), self._gait) for seed in seeds])
             self._batch.reset(seeds)
@@ -159,7 +158,6 @@ class WalkingEnv(EpisodesEnv):
         self.controller.reset(i, seed)
 
     def advance(self, actions: Array) -> Rows:
-        """See `EpisodesEnv`."""
         batch, before = self._batch, self.states.touchdowns.copy()
         torque, refused = self.act(actions)
         states = batch.step(torque)
@@ -172,10 +170,10 @@ class WalkingEnv(EpisodesEnv):
         return ended
 
     def _next_simulation(self, i: int, seed: int) -> Simulation:
-        own = self._batch.simulations[i]
+        simulation = self._batch.simulations[i]
         if self._again and not self.tick.walked[i] and self._rngs[i].random() < self._again:
-            return own
-        own.close()  # an engine's memory is not given back otherwise
+            return simulation
+        simulation.close()  # an engine's memory is not given back otherwise
         return make_simulation(self._plant(seed), self._gait)
 
 
@@ -192,13 +190,12 @@ class LearnerUnits:
 
     def estimates(self, actions: Array, LgV: Array) -> Estimates:
         """Of N robots, the actions (N, (m + 1) n) times their scales; those of V also times |LgV| + 1, LgV (N, m)."""
-        found = self._estimates(actions, LgV, *self._scales)
-        return Estimates(found.alpha, found.beta, None)
+        estimates = self._estimates(actions, LgV, *self._scales)
+        return Estimates(estimates.alpha, estimates.beta, None)
 
     def scaled(self, observation: Array) -> Rows:
         """Observations (..., k) as they are seen."""
-        seen: Rows = ((observation[..., : len(self._center)] - self._center) / self._scale).astype(np.float32)
-        return seen
+        return ((observation[..., : len(self._center)] - self._center) / self._scale).astype(np.float32)
 
 
 class VectorWalkingEnv(WalkingEnv):
@@ -219,11 +216,8 @@ class VectorWalkingEnv(WalkingEnv):
             raise ValueError(f"plant = {plant.plant}: expected mujoco")
         if controller.adaptation != "none":
             raise ValueError(f"adaptation = {controller.adaptation}: expected none in a vector environment")
-        self.parameters, self._units, self._builder = (
-            parameters,
-            LearnerUnits(parameters),
-            TransitionBuilder(parameters),
-        )
+        self.parameters, self._units = parameters, LearnerUnits(parameters)
+        self._builder = TransitionBuilder(parameters)
         zero = ZeroPolicy(controller.problem)  # the actions take its place
         exploring = controller.model_copy(update={"sigma": parameters.sigma})
         batch = BatchController(Controller(exploring, load_gaits(controller.gait), zero), [zero] * robots)
@@ -231,20 +225,17 @@ class VectorWalkingEnv(WalkingEnv):
         super().__init__(batch, *spaces, robots, lambda seed: draw(plant, seed))
 
     def look(self) -> Rows:
-        """See `EpisodesEnv`."""
         self._scene = self.controller.look(self.states)
         self.infos = {"next_LgV": self._scene.seen.LgV.copy()}
         return self._units.scaled(self._scene.observation)
 
     def act(self, actions: Array) -> tuple[Array, Iterable[int]]:
-        """See `WalkingEnv`."""
         scene = self._scene
         output = self.controller.decide(scene, self._units.estimates(actions, scene.seen.LgV))
         self._outputs = [output[i] for i in range(self.num_envs)]
         return output.torque, {*scene.faults, *scene.errors}
 
     def score(self) -> tuple[Array, Rows]:
-        """See `EpisodesEnv`."""
         transitions = self.infos["transition"] = [self._transition(i) for i in range(self.num_envs)]
         rewards = np.array([reward(transition, self.parameters) for transition in transitions])
         return rewards, np.array([transition.failed for transition in transitions])

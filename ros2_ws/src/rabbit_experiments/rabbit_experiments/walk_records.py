@@ -108,7 +108,7 @@ class WalkRecords:
             raise RecordsError("no ticks: nothing to draw")
         measured, chosen = [record.state for record in records], [record.output for record in records]
         names = ARRAYS.keys() - SEEN - {"landings"}
-        arrays = {n: np.array([getattr(each, n) for each in (measured if n in STATE else chosen)]) for n in names}
+        arrays = {n: np.array([getattr(tick, n) for tick in (measured if n in STATE else chosen)]) for n in names}
         seen = [state.preview for state in measured]
         preview = np.array([(stone.l_min, stone.l_max) if stone else (np.nan, np.nan) for stone in seen])
         heights = np.array([stone.height if stone else 0.0 for stone in seen])
@@ -121,8 +121,7 @@ class WalkRecords:
     @property
     def barrier_names(self) -> list[str]:
         """Of `barriers`; those of the stones, where the file does not say."""
-        found: list[str] = self.about.get("barriers", [*STONE_BARRIERS])
-        return found
+        return self.about.get("barriers", [*STONE_BARRIERS])
 
     @property
     def tick_seconds(self) -> float:
@@ -132,14 +131,12 @@ class WalkRecords:
     @property
     def time(self) -> Array:
         """Seconds since the reset, (n,)."""
-        seconds: Array = self.tick * self.tick_seconds
-        return seconds
+        return self.tick * self.tick_seconds
 
     @property
     def stance_force(self) -> Array:
         """On the foot that stands, mean over the tick before: tangential, normal, (n, 2), N."""
-        force: Array = self.foot_force[np.arange(len(self.tick)), self.stance]
-        return force
+        return self.foot_force[np.arange(len(self.tick)), self.stance]
 
     @property
     def step_starts(self) -> Array:
@@ -151,9 +148,8 @@ def about_walk(
     controller: ControllerParameters, simulation: SimulationParameters, policy: str, seed: int, outcome: str
 ) -> dict[str, Any]:
     """The parameters that pictures draw or name; `policy` is its version or name."""
-    shown = drawn_parameters(controller)
     plant = {name: getattr(simulation, name) for name in DRAWN_OF_PLANT}
-    about = {"outcome": outcome, "seed": seed, "policy": policy, **shown, **plant}
+    about = {"outcome": outcome, "seed": seed, "policy": policy, **drawn_parameters(controller), **plant}
     return {"title": walk_title(about), **about}
 
 
@@ -201,7 +197,7 @@ def drawn_parameters(controller: ControllerParameters) -> dict[str, Any]:
 HINTS = get_type_hints(WalkRecords, include_extras=True)
 ARRAYS: dict[str, tuple[Any, ...]] = {name: kind.__metadata__ for name, kind in HINTS.items() if name != "about"}
 SEEN = {"preview", "stone_height"}
-STATE = {each.name for each in fields(RobotState)}  # the others are of `ControllerOutput`
+STATE = {field.name for field in fields(RobotState)}  # the others are of `ControllerOutput`
 
 
 def save_records(records: WalkRecords, path: Path) -> None:
@@ -216,7 +212,7 @@ def load_records(path: Path) -> WalkRecords:
     """Read records; raises `RecordsError` where there are none, or they do not fit together."""
     try:
         data = BytesIO(read_bytes(path, MOST_BYTES))
-        if sum(each.file_size for each in ZipFile(data).infolist()) > MOST_BYTES:  # more memory than bytes
+        if sum(array.file_size for array in ZipFile(data).infolist()) > MOST_BYTES:  # more memory than bytes
             raise ValueError(f"expected at most {MOST_BYTES} bytes of arrays")
         data.seek(0)
         with np.load(data, allow_pickle=False) as arrays_file:
@@ -243,7 +239,7 @@ def _check(arrays: Mapping[str, Array], about: Any) -> None:
     if not np.isin(arrays["stance"], (0, 1)).all():
         raise ValueError("stance: expected 0 or 1")
     names = about.get("quantities", [""] * quantities)
-    if not isinstance(names, list) or len(names) != quantities or not all(isinstance(each, str) for each in names):
+    if not isinstance(names, list) or len(names) != quantities or not all(isinstance(name, str) for name in names):
         raise ValueError(f"quantities = {shortened(names)}: expected {quantities} names")
     barriers = about.get("barriers", [*STONE_BARRIERS])
     if not isinstance(barriers, list) or len(barriers) != arrays["barriers"].shape[1]:

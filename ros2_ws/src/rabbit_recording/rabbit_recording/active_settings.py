@@ -22,8 +22,8 @@ class RecordedSettings:
 class Settings:
     """The controller's settings, in the order in which it announced them.
 
-    Each says from which episode and tick it holds. That of a controller that was just started says 0: it holds from the
-    next episode on. What was announced before cannot hold later than what was announced after.
+    They say from which episode and tick they hold. Those of a controller that was just started say 0: they hold from
+    the next episode on. What was announced before cannot hold later than what was announced after.
     """
 
     def __init__(self) -> None:
@@ -35,7 +35,7 @@ class Settings:
         if message.episode == 0 and self._announced:
             episode, tick = newest
             place = (episode + (tick > 0), 0)
-        self._announced = [(min(before, place), each) for before, each in self._announced]
+        self._announced = [(min(before, place), earlier) for before, earlier in self._announced]
         self._announced.append((place, message))
 
     def of(self, episode: int) -> list[RecordedSettings]:
@@ -43,8 +43,8 @@ class Settings:
         before = [i for i, (place, _) in enumerate(self._announced) if place <= (episode, 0)]
         self._announced = self._announced[before[-1] if before else 0 :]
         begin = [self._announced[0][1]] if before else []
-        here = [(place[1], each) for place, each in self._announced[len(begin) :] if place[0] == episode]
-        return [_settings(tick, each) for tick, each in [*((0, each) for each in begin), *here]]
+        here = [(place[1], message) for place, message in self._announced[len(begin) :] if place[0] == episode]
+        return [_settings(tick, message) for tick, message in [*((0, message) for message in begin), *here]]
 
 
 def _settings(tick: int, message: Any) -> RecordedSettings:
@@ -53,7 +53,7 @@ def _settings(tick: int, message: Any) -> RecordedSettings:
 
 
 class Policies:
-    """The policies that were announced, in their order; one may come twice. Each torque names the one that made it."""
+    """The policies that were announced, in their order; one may come twice. A torque names the one that made it."""
 
     def __init__(self) -> None:
         self._announced: list[tuple[str, bytes]] = []
@@ -69,5 +69,5 @@ class Policies:
 
     def forget_before(self, version: str) -> None:
         """Drop the policies that were announced before this one: no later episode needs them."""
-        first = next((i for i, (each, _) in enumerate(self._announced) if each == version), 0)
+        first = next((i for i, (announced, _) in enumerate(self._announced) if announced == version), 0)
         del self._announced[:first]

@@ -50,12 +50,12 @@ def check_episodes(path: Path, task: ControlTask | None = None) -> Iterator[Chec
 
 
 def replayed(episode: RecordedEpisode, task: ControlTask | None = None) -> Iterator[tuple[Any, ControllerOutput]]:
-    """The recorded states into a controller of one's own, under the recorded settings and policies.
+    """The recorded states into a new controller, under the recorded settings and policies.
 
     The recorded torques must come out.
 
     Returns:
-        The controller after each recorded tick, and its output.
+        The controller after a recorded tick, and its output.
 
     Raises:
         ValueError: nothing says what the controller went by at tick 0; a policy is not in the recording, or not for it.
@@ -76,8 +76,8 @@ SetFor = Callable[[int, RecordedSwap | None], None]  # what a controller goes by
 def _controller(episode: RecordedEpisode) -> tuple[Controller, SetFor]:
     if not episode.settings or episode.settings[0].tick > 0:
         raise ValueError("the controller's parameters are not in it")
-    noise = {"sigma": episode.sigma} if math.isfinite(episode.sigma) else {}  # the episode's own goes first
-    all_parameters = {each.tick: each.parameters.model_copy(update=noise) for each in episode.settings}
+    noise = {"sigma": episode.sigma} if math.isfinite(episode.sigma) else {}  # the episode's goes first
+    all_parameters = {s.tick: s.parameters.model_copy(update=noise) for s in episode.settings}
     first, gait = all_parameters[0], episode.settings[0].gait
     zero = ZeroPolicy(first.problem)
     controller = Controller(first, gait, zero)

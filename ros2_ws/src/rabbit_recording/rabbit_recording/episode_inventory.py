@@ -1,4 +1,4 @@
-"""What a recording holds of each episode: what was recorded, what was merely announced, what was lost.
+"""What a recording holds of its episodes: what was recorded, what was merely announced, what was lost.
 
 A tick is recorded if its state, its torque and what else its controller publishes of a tick all are; an episode is if
 one of its states is. Announcements are latched: a recorder that is started late also receives those of episodes that
@@ -87,7 +87,7 @@ class Gathered:
         """Take in one; what comes again, byte by byte, counts once."""
         if message.topic in BY_TICK:
             here = self._heard[message.topic].setdefault(message.turn[1], [])
-            if len(here) < MOST_CLAIMS and all(message.data != each.data for each in here):
+            if len(here) < MOST_CLAIMS and all(message.data != claim.data for claim in here):
                 here.append(message)
         elif message.topic == "timing":
             self._in_real_time = True
@@ -102,25 +102,26 @@ class Gathered:
 
     def preview(self, index: int, now: int) -> StonePreview | None:
         """Of the stone that is first seen at a time (ns): the one announced then, or else the newest before, or any."""
-        found = self.previews.get(index, {})
-        return newest_preview(found, now) or next(iter(found.values()), None)
+        previews = self.previews.get(index, {})
+        return newest_preview(previews, now) or next(iter(previews.values()), None)
 
     @property
     def ticks(self) -> Ticks:
         """Messages by topic and tick, of the simulator and the controller that walked."""
-        own = {
-            topic: {tick: self._own(topic, claims) for tick, claims in of.items()} for topic, of in self._heard.items()
-        }
-        return {topic: {tick: each for tick, each in found.items() if each} for topic, found in own.items()}
+        ticks: Ticks = {}
+        for topic, heard in self._heard.items():
+            messages = {tick: self._true_one(topic, claims) for tick, claims in heard.items()}
+            ticks[topic] = {tick: message for tick, message in messages.items() if message}
+        return ticks
 
-    def _own(self, topic: str, claims: list[StoredMessage]) -> StoredMessage | None:
+    def _true_one(self, topic: str, claims: list[StoredMessage]) -> StoredMessage | None:
         """Of what claims to be one message, that of the simulator which announced the episode, or of the controller
         whose torques acted; None: it is only another's."""
         said, is_state = self.announced, topic in ("state", "parameters")
         if said is None or (len(claims) == 1 and (is_state or not said.refused_controller)):
             return claims[0]
         who = said.sender if is_state else said.controller
-        return next((each for each in claims if each.decode().sender == who), None)
+        return next((claim for claim in claims if claim.decode().sender == who), None)
 
     @property
     def _tick_seconds(self) -> float:
@@ -131,7 +132,8 @@ class Gathered:
     @staticmethod
     def kinds(ticks: Ticks) -> dict[str, tuple[str, str]]:
         """What each topic's messages are: any controller's, or details that this episode's controller publishes."""
-        walker = next((each.decode().sender for topic in ("torque", *DETAILS) for each in ticks[topic].values()), "")
+        answers = (message for topic in ("torque", *DETAILS) for message in ticks[topic].values())
+        walker = next((message.decode().sender for message in answers), "")
         return {topic: (topic, walker if topic in DETAILS else "") for topic in BY_TICK}
 
     def full_ticks(self, ticks: Ticks) -> list[int]:
@@ -142,18 +144,18 @@ class Gathered:
     def inventory(self, presence: Presence) -> EpisodeInventory:
         """What there is."""
         ticks, said = self.ticks, self.announced
-        made = EpisodeInventory(self.episode, presence)
+        there = EpisodeInventory(self.episode, presence)
         if said is not None:
-            vars(made).update({name: getattr(said, name) for name in ANNOUNCED})
-            made.ends, made.tick_seconds = bool(made.outcome), self._tick_seconds
+            vars(there).update({name: getattr(said, name) for name in ANNOUNCED})
+            there.ends, there.tick_seconds = bool(there.outcome), self._tick_seconds
         if full := self.full_ticks(ticks):
-            made.first, made.last, made.recorded, made.begins = full[0], full[-1], len(full), full[0] == 0
-        made.policies = [*dict.fromkeys(ticks["torque"][tick].decode().policy_version for tick in full)]
+            there.first, there.last, there.recorded, there.begins = full[0], full[-1], len(full), full[0] == 0
+        there.policies = [*dict.fromkeys(ticks["torque"][tick].decode().policy_version for tick in full)]
         if presence is Presence.LOST:
-            made.lost = max(said.tick, 1) if made.ends else 1
+            there.lost = max(said.tick, 1) if there.ends else 1
         elif presence is Presence.RECORDED:
-            made.lost = self._lost(full)
-        return made
+            there.lost = self._lost(full)
+        return there
 
     def _lost(self, full: list[int]) -> int:
         """How many ticks are not whole between the first that is and the end; a damaged number makes that very long."""
@@ -166,7 +168,7 @@ class Gathered:
 
 
 class Gathering:
-    """Sorts messages into episodes and judges each once no more can come; only a few are kept at a time."""
+    """Sorts messages into episodes and judges one once no more can come; only a few are kept at a time."""
 
     def __init__(self) -> None:
         self._open: dict[int, Gathered] = {}

@@ -1,4 +1,4 @@
-"""A recorded tick, explained: the controller's own programme by replay, and what changed since the tick before."""
+"""A recorded tick, explained: the controller's programme by replay, and what changed since the tick before."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -15,7 +15,7 @@ from rabbit_recording.open_recording import one_line_errors
 from rabbit_recording.reader import last_episode
 
 INPUTS = "stance hip", "stance knee", "swing hip", "swing knee"
-WORDS = {  # of RABBIT's rows: what each is for, and the unit of what it constrains
+WORDS = {  # of RABBIT's rows: what they are for, and the unit of what they constrain
     "CLF": ("follow the gait", "rad²/s³"),
     "B1": ("land before the far edge", "m/s²"),
     "B2": ("land past the near edge", "m/s²"),
@@ -95,17 +95,17 @@ def explain_tick(path: Path, tick: int | None = None, number: int | None = None)
     episode = last_episode(path, number)
     records = {record.state.tick: record for record in episode.records}
     if tick is None:
-        tick = max(records, key=lambda each: np.nan_to_num(records[each].output.rescue_slack, nan=-1.0))
+        tick = max(records, key=lambda k: np.nan_to_num(records[k].output.rescue_slack, nan=-1.0))
     here = f"recording {path}: tick {tick} of episode {episode.number}"
     if tick not in records:
         raise RecordingError(f"{here}: expected one that was recorded, {episode.first} to {episode.last}")
     if not records[tick].output.quantities:
         raise RecordingError(f"{here}: its controller publishes no controller_state")
-    if missing := [each for each in range(tick) if each not in records]:
+    if missing := [k for k in range(tick) if k not in records]:
         raise RecordingError(f"{here}: a replay needs all ticks before it, but tick {missing[0]} is missing")
     explained = list[Explained]()
     with one_line_errors(path, f"tick {tick} of episode {episode.number} cannot be explained"):
-        wanted = replace(episode, records=[records[each] for each in range(tick + 1)])
+        wanted = replace(episode, records=[records[k] for k in range(tick + 1)])
         for record, (controller, output) in zip(wanted.records, replayed(wanted), strict=True):
             if output.tick >= tick - 1:
                 scene, off = controller.scene, np.abs(output.torque - record.output.torque).max()
@@ -114,6 +114,5 @@ def explain_tick(path: Path, tick: int | None = None, number: int | None = None)
                 decided = controller.qp, scene.x, scene.p, controller.estimates, controller.decided
                 explained.append((record, explain(*decided, measured_over(records.get(output.tick + 1)))))
     *before, now = explained
-    is_set = tick in [settings.tick for settings in episode.settings]
-    of = f"episode {episode.number}"
-    return explained_tick(of, now, before[0] if before else None, is_set, episode.tick_seconds)
+    is_set, last = tick in [settings.tick for settings in episode.settings], before[0] if before else None
+    return explained_tick(f"episode {episode.number}", now, last, is_set, episode.tick_seconds)

@@ -81,15 +81,15 @@ def is_unfinished(file: Path) -> bool:
 
 
 @contextlib.contextmanager
-def one_line_errors(path: Path, found: str = "damaged, or of another kind") -> Iterator[None]:
-    """Errors as one line, a `RecordingError`; `found` is what they mean. A damaged file may raise anything."""
+def one_line_errors(path: Path, meaning: str = "damaged, or of another kind") -> Iterator[None]:
+    """Errors as one line, a `RecordingError`; `meaning`: of them. A damaged file may raise anything."""
     try:
         yield
     except RecordingError:
         raise
     except Exception as error:
         text = one_line(error) or type(error).__name__
-        raise RecordingError(f"recording {path}: {found}: {text}") from error
+        raise RecordingError(f"recording {path}: {meaning}: {text}") from error
 
 
 class _BoundedMcapReader(McapReader):
@@ -113,7 +113,7 @@ class _BoundedReader(Reader):
 
 def check_definitions(connections: Iterable[Connection]) -> None:
     """Raise `ReaderError` for too many topics, or a message definition from which very much would follow."""
-    definitions = {(each.msgtype, each.msgdef.data) for each in connections}
+    definitions = {(connection.msgtype, connection.msgdef.data) for connection in connections}
     if len(definitions) > MOST_TOPICS:
         raise ReaderError(f"{len(definitions)} types: expected at most {MOST_TOPICS}")
     for kind, text in definitions:
@@ -130,6 +130,6 @@ def _decompress(kind: Any, data: bytes, size: int) -> bytes:
     return bytes(kind().decompress(data, max_length=size + 1))
 
 
-# rosbags' own take what comes out, however much it is
+# those of rosbags take what comes out, however much it is
 DECOMPRESSORS["zstd"] = partial(_decompress, zstd.ZstdDecompressor)
 DECOMPRESSORS["lz4"] = partial(_decompress, lz4.frame.LZ4FrameDecompressor)

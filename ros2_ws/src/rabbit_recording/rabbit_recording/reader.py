@@ -48,9 +48,9 @@ class RecordedSwap:
 class RecordedEpisode(EpisodeInventory):
     """One episode with its ticks in full.
 
-    `sigma` is the exploration it was announced with, NaN for the controller's own parameter. `swaps` begin with the
-    policy of its first recorded tick, `settings` with what the controller went by at its start. `end`: of a control
-    task, the state after the last tick, which no controller sees; None: not known.
+    `sigma` is the exploration it was announced with, NaN for the controller's parameter. `swaps` begin with the policy
+    of the first recorded tick, `settings` with what the controller went by at the start. `end`: of a control task, the
+    state after the last tick, which no controller sees; None: not known.
     """
 
     sigma: float = math.nan
@@ -66,8 +66,8 @@ def messages(path: Path, *names: str) -> Iterator[tuple[str, Any]]:
 
     Raises `RecordingError`, as `stored_messages`.
     """
-    with one_line_errors(path), stored_messages(path, *names) as found:
-        for message in found:
+    with one_line_errors(path), stored_messages(path, *names) as stored:
+        for message in stored:
             yield message.topic, message.decode()
 
 
@@ -102,7 +102,7 @@ def last_episode(path: Path, number: int | None = None, task: ControlTask | None
 
 
 def iterate_inventories(path: Path) -> Iterator[EpisodeInventory]:
-    """What the recording holds of each episode, also of those that were merely announced. No tick is decoded.
+    """What the recording holds of the episodes, also of those that were merely announced. No tick is decoded.
 
     Raises `RecordingError`, as `stored_messages`; or of messages that are defined otherwise than this version's.
     """
@@ -121,8 +121,8 @@ class _Announced:
 def _finished(path: Path, announced: _Announced | None = None) -> Iterator[tuple[Gathered, EpisodeInventory]]:
     gathering, time = Gathering(), SimulatedTime(path)
     names = (*BY_TICK, *OTHERS, *(("policy_swap", "controller_settings") if announced else ()))
-    with stored_messages(path, *names) as found:
-        for message in found:
+    with stored_messages(path, *names) as stored:
+        for message in stored:
             time.follow(message.topic, message.data)
             if announced and message.topic == "policy_swap":
                 announced.policies.add(message.decode())
@@ -151,9 +151,8 @@ def _decoded(
         version, episode.controller = torque.policy_version, torque.sender
         state = _task_state(task, ticks, tick) if task else _state(gathered, ticks, tick, previews)
         # what a controller of a task made of a state, a replay says
-        details, terms = (
-            None if task or tick not in ticks[topic] else ticks[topic][tick].decode() for topic in DETAILS
-        )
+        of_tick = (None if task else ticks[topic].get(tick) for topic in DETAILS)
+        details, terms = (message and message.decode() for message in of_tick)
         output = output_of(details, terms, np.array(torque.torque), state, version)
         episode.records.append(Record(state, output))
         if not episode.swaps or version != episode.swaps[-1].version:

@@ -45,7 +45,7 @@ def recover(path: Path, out: Path | None = None) -> Recovered:
 
 
 def whole_messages(file: Path) -> Iterator[tuple[Connection, int, bytes]]:
-    """Topic, time (ns) and bytes of each message, in the order of recording, without the file's index."""
+    """Topic, time (ns) and bytes of all messages, in the order of recording, without the file's index."""
     reader = McapReader(file)
     with file.open("rb") as reader.bio:
         reader.data_start, reader.data_end = len(MCAP_MAGIC), file.stat().st_size

@@ -13,7 +13,7 @@ from rabbit_recording import RecordingError
 from rabbit_recording.message_header import FIELDS, nanoseconds_of, turn_of
 from rabbit_recording.open_recording import last_name, one_line_errors, opened
 
-OWN_TYPES = "rabbit_msgs/"
+OUR_TYPES = "rabbit_msgs/"
 
 
 class StoredMessage(NamedTuple):
@@ -43,7 +43,7 @@ def stored_messages(path: Path, *names: str) -> Iterator[Iterator[StoredMessage]
     messages that are defined otherwise than this version's.
     """
     with opened(path) as reader:
-        ours = [c for c in reader.connections if c.msgtype.startswith(OWN_TYPES)]
+        ours = [c for c in reader.connections if c.msgtype.startswith(OUR_TYPES)]
         chosen = [c for c in ours if not names or last_name(c.topic) in names]
         topics = sorted({c.topic for c in chosen})
         several = [topic for topic in topics if [*map(last_name, topics)].count(last_name(topic)) > 1]
@@ -51,7 +51,7 @@ def stored_messages(path: Path, *names: str) -> Iterator[Iterator[StoredMessage]
             raise RecordingError(f"recording {path}: of several graphs: {', '.join(several)}")
         for connection in chosen:
             _check_fields(path, reader, connection)
-        yield _each(reader, chosen, path)
+        yield _messages_of(reader, chosen, path)
 
 
 def _check_fields(path: Path, reader: AnyReader, connection: Connection) -> None:
@@ -63,7 +63,7 @@ def _check_fields(path: Path, reader: AnyReader, connection: Connection) -> None
         raise RecordingError(f"recording {path}: recorded under other message definitions: {here}")
 
 
-def _each(reader: AnyReader, connections: list[Connection], path: Path) -> Iterator[StoredMessage]:
+def _messages_of(reader: AnyReader, connections: list[Connection], path: Path) -> Iterator[StoredMessage]:
     with one_line_errors(path):
         for connection, at, data in reader.messages(connections) if connections else ():
             decode = partial(reader.deserialize, data, connection.msgtype)

@@ -45,12 +45,12 @@ def write_ride(ride: Ride, path: Path, policy: ActorPolicy | None = None) -> Non
         qos = offered(20, "TRANSIENT_LOCAL") if topic in LATCHED else offered(5000)
         bag.add(f"/{topic}", f"rabbit_msgs/msg/{kind}", [qos])
 
-    def add(topic: str, tick: int, **given: Any) -> None:
-        """One message; what is not given is empty or 0."""
+    def add(topic: str, tick: int, **fields: Any) -> None:
+        """One message; other fields are empty or 0."""
         kind, at = f"rabbit_msgs/msg/{KINDS[topic]}", round(tick * task.seconds * 1e9)
         stamp = types.types["builtin_interfaces/msg/Time"](*divmod(at, 10**9))
         header = types.types["std_msgs/msg/Header"](stamp, "")
-        known = {"header": header, "episode": 1, "tick": tick, "sender": ride.controller, **given}
+        known = {"header": header, "episode": 1, "tick": tick, "sender": ride.controller, **fields}
         values = {name: known[name] if name in known else empty(form) for name, form in types.fielddefs[kind][1]}
         values = {name: np.array(value) if isinstance(value, array) else value for name, value in values.items()}
         bag.write(f"/{topic}", at, bytes(types.serialize_cdr(types.types[kind](**values), kind)))

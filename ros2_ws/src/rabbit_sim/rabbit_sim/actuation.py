@@ -28,12 +28,12 @@ class Actuation:
 
     def going_on(self, robots: Array, parameters: Sequence[SimulationParameters]) -> "Actuation":
         """The motors of some robots, by number, with these parameters, as they are now."""
-        other = Actuation(*parameters)
-        for kind in self.states.keys() & other.states.keys():
-            old, new = self.states[kind], other.states[kind]
+        motors = Actuation(*parameters)
+        for kind in self.states.keys() & motors.states.keys():
+            old, new = self.states[kind], motors.states[kind]
             known = min(old.shape[1], new.shape[1])
             new[:, :known] = old[robots, :known]
-        return other
+        return motors
 
     def advance(self, command: Array) -> Array:
         """Torques held over the substeps of one tick, N m: (substeps, 4) for a command (4,), (N, substeps, 4) for N."""

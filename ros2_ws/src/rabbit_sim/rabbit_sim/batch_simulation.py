@@ -1,10 +1,10 @@
 """N robots in MuJoCo at once: `mujoco.rollout` walks a tick of all of them, numpy judges it.
 
-Each robot has a `Simulation` of its own, which knows its course, its landings and how its episode stands. In most ticks
-nothing of that can change: no foot that could come down is near the ground or carries anything, and the robot stands on
-a foot, high and upright. Such a tick is noted for all robots at once. Any other tick, and one whose sensors draw noise,
-goes through the robot's own `Simulation`, so each rule is written there and nowhere else. A robot whose joint torques
-depend on its state within the tick (gears, damping, springs), or that carries a pendulum, walks there entirely.
+A `Simulation` for each robot knows course, landings and how the episode stands. In most ticks nothing of that can
+change: no foot that could come down is near the ground or carries anything, and the robot stands on a foot, high and
+upright. Such a tick is noted for all robots at once. Any other tick, and one whose sensors draw noise, goes through the
+robot's `Simulation`, so the rules are written there and nowhere else. A robot whose joint torques depend on the state
+within the tick (gears, damping, springs), or that carries a pendulum, walks there entirely.
 """
 
 from collections.abc import Sequence
@@ -30,7 +30,7 @@ ROUNDING = 1e-9  # m, by which numpy may place a foot elsewhere: what is so near
 
 
 class BatchSimulation:
-    """The robots of `simulations`, which are its own from now on.
+    """The robots of `simulations`, which nobody else steps from now on.
 
     `states`: what the controllers get; `true_force` (N, 2, 2): the feet's, without noise, N. Raises ValueError for a
     plant that is not MuJoCo's, or for ticks of different lengths.
@@ -96,19 +96,19 @@ class BatchSimulation:
             special = self._may_land(path) | self._is_doubtful()[n] | self._draws_noise[n]
             for row in special.nonzero()[0].tolist():
                 i = self._numbers[row]
-                simulation = self._own(i)
+                simulation = self._simulation_of(i)
                 states_of_tick = np.concatenate([before[row : row + 1, 1:], path[row]])
                 plant_of(simulation).follow(states_of_tick, -sensed[row][:, IN_THE_PLANE].reshape(-1, 2, 2))
                 self._note(i, simulation.conclude(torques[i]))
         for i in self._alone:
-            self._note(i, self._own(i).step(torques[i]))
+            self._note(i, self._simulation_of(i).step(torques[i]))
         return states
 
     def _walked(self, before: Array, torques: Array) -> tuple[Array, Array]:
         """q and dq (n, substeps, 14) after each substep, and what the feet's sensors say, (n, substeps, 6)."""
         self._control[:, :, BASE:DOF] = self._actuation.advance(torques)[self._together]
         for row in self._pushed:
-            simulation = self._own(self._numbers[row])
+            simulation = self._simulation_of(self._numbers[row])
             simulation.push_for_tick()
             self._control[row, :, self._push_at] = plant_of(simulation).next_pushes()
         self._rollout.rollout(
@@ -147,14 +147,14 @@ class BatchSimulation:
         is_sound &= np.isfinite(states.dq.sum(axis=1)) & (states.tick - self._step_began < self._stall_ticks)
         return ~is_sound | was_airborne | self._is_airborne
 
-    def _own(self, i: int) -> Simulation:
-        """That of robot `i`, told how many ticks have been walked."""
+    def _simulation_of(self, i: int) -> Simulation:
+        """Of robot `i`, told how many ticks have been walked."""
         simulation = self.simulations[i]
         simulation._tick = int(self.states.tick[i]) - 1
         return simulation
 
     def _note(self, i: int, state: RobotState) -> None:
-        """What the own simulation of robot `i` says."""
+        """What the simulation of robot `i` says."""
         simulation = self.simulations[i]
         self.states[i] = state
         self.true_force[i] = simulation.reading.foot_force
@@ -181,14 +181,14 @@ class BatchSimulation:
     def _arrange(self) -> None:
         """What follows from which robots there are."""
         plants, parameters = [plant_of(simulation) for simulation in self.simulations], self._parameters
-        if len({each.tick_seconds for each in parameters}) > 1:
+        if len({p.tick_seconds for p in parameters}) > 1:
             raise ValueError("tick_seconds: expected the same of all robots of a batch")
         self._substeps, self._stall_ticks = parameters[0].substeps, stall_ticks(parameters[0])
         self._rows = np.arange(len(plants))
         is_alone = np.array([plant.feeds_back or plant.model.nq != DOF for plant in plants])
         self._alone, numbers = is_alone.nonzero()[0].tolist(), (~is_alone).nonzero()[0]
         self._numbers, self._together = numbers.tolist(), numbers if is_alone.any() else slice(None)
-        self._draws_noise = np.array([bool(own._measuring or own._estimate) for own in self.simulations])
+        self._draws_noise = np.array([bool(s._measuring or s._estimate) for s in self.simulations])
         slips = [SLIP_DISTANCE - ROUNDING if p.ground_friction <= SLIP_FRICTION else np.inf for p in parameters]
         heights, pitches = ([getattr(p, name) for p in parameters] for name in ("fall_height", "fall_pitch"))
         self._limits = np.array([heights, pitches, slips])

@@ -1,4 +1,4 @@
-"""What a plant in a physics engine does whatever the engine: a tick's substeps, each under its own torque.
+"""What a plant in a physics engine does whatever the engine: a tick's substeps, each under another torque.
 
 An engine says how it takes a substep, where the joints are, and with what force each foot stands.
 """
@@ -39,8 +39,8 @@ class EnginePlant(Plant, ABC):
         self._robot_urdf = with_attached(legs, parameters)
         self._actuation = Actuation(parameters)
         self._kinematics = RabbitFeet(leg_shape(parameters))
-        self._transmissions = [each for each in self._perturbations if each.has("transmitted")]
-        self._joint_torques = [each.joint_torque(legs) for each in self._perturbations if each.has("joint_torque")]
+        self._transmissions = [p for p in self._perturbations if p.has("transmitted")]
+        self._joint_torques = [p.joint_torque(legs) for p in self._perturbations if p.has("joint_torque")]
         self.feeds_back = bool(self._transmissions or self._joint_torques)
         self._keeps_path = parameters.needs_path
 
@@ -55,10 +55,10 @@ class EnginePlant(Plant, ABC):
         self._path: list[list[float]] = []
         self._actuation.rest()
         self._memories = []
-        for each in self._transmissions:
-            rng = np.random.default_rng([*q.copy().view(np.uint32), *type(each).__name__.encode()])
+        for transmission in self._transmissions:
+            rng = np.random.default_rng([*q.copy().view(np.uint32), *type(transmission).__name__.encode()])
             memory = Memory(joints=q[BASE:].copy(), rates=dq[BASE:].copy(), rng=rng, parameters=self._parameters)
-            each.begin(memory)
+            transmission.begin(memory)
             self._memories.append(memory)
         self._push = np.zeros(0)  # in the next substeps, N
         self._force = np.zeros((2, 2))
@@ -67,12 +67,10 @@ class EnginePlant(Plant, ABC):
         self._feet = self._locate_feet()
 
     def set_stones(self, spans: Sequence[Span]) -> None:
-        """See `Plant`."""
         self._place(spans)
         self.watch.ground = Ground(spans)
 
     def advance(self, command: Array) -> None:
-        """One tick under `command` (4,), N m."""
         self._take_in(self._walked(self._actuation.advance(command), self.next_pushes()))
 
     def next_pushes(self) -> list[float]:
@@ -124,12 +122,10 @@ class EnginePlant(Plant, ABC):
         self._push = np.full(round(seconds / SUBSTEP_SECONDS), force)
 
     def push_for_tick(self, forces: Array) -> None:
-        """See `Plant`."""
         self._push = np.append(self._push, np.zeros(max(self._substeps - len(self._push), 0)))
         self._push[: self._substeps] += forces
 
     def observe(self) -> PlantReading:
-        """The truth after the last tick."""
         q, dq = self._now()
         feet, touches = np.array(self._feet), tuple(self.watch.touches)
         path = np.array(self._path) if self._path else None
@@ -138,15 +134,14 @@ class EnginePlant(Plant, ABC):
     def at_joints(self, torque: Array) -> Array:
         """What of `torque` (4,) of the motors comes to the joints, with what acts beside them, now, N m."""
         q, dq = map(np.array, self._now())
-        for each, memory in zip(self._transmissions, self._memories, strict=True):
-            torque = each.transmitted(memory, torque, q[BASE:], dq[BASE:])
+        for transmission, memory in zip(self._transmissions, self._memories, strict=True):
+            torque = transmission.transmitted(memory, torque, q[BASE:], dq[BASE:])
         return sum((beside(q, dq) for beside in self._joint_torques), torque)
 
     def _attached_at(self, q: Array, dq: Array) -> dict[str, tuple[float, float]]:
         """Angle and rate at a reset, by name, of the joints that perturbations have added."""
         slope = radians(self._parameters.slope)
-        found = (each.attached_at(q, dq, slope) for each in self._perturbations)
-        return {name: state for states in found for name, state in states.items()}
+        return {name: state for p in self._perturbations for name, state in p.attached_at(q, dq, slope).items()}
 
     def _locate_feet(self) -> Feet:
         return self._kinematics.points(self._now()[0])
@@ -160,10 +155,6 @@ class EnginePlant(Plant, ABC):
     @abstractmethod
     def _place(self, spans: Sequence[Span]) -> None:
         """Have exactly these boxes. Wider by the foot's radius, so that a foot's centre on the edge still stands."""
-
-    @abstractmethod
-    def set_friction(self, leg: Leg, coefficient: float) -> None:
-        """See `Plant`; until the reset."""
 
     @abstractmethod
     def _make_world(self, q: Array, dq: Array) -> None:

@@ -69,7 +69,6 @@ class MujocoPlant(EnginePlant):
         super().advance(command)
 
     def set_friction(self, leg: Leg, coefficient: float) -> None:
-        """See `Plant`."""
         self.model.geom_friction[self._feet_geoms[leg], 0] = coefficient
 
     def _make_world(self, q: Array, dq: Array) -> None:

@@ -1,4 +1,4 @@
-"""Everything about the true plant, its course, its start and the simulator's node that can be set."""
+"""Everything about the true plant, the course, the start and the simulator's node that can be set."""
 
 import math
 from functools import cache
@@ -18,14 +18,14 @@ from rabbit_sim.plant import FARTHEST_EDGE, HIGHEST_TOP, SUBSTEP_SECONDS
 PLANTS = "rabbit.plants"  # entry points; see rabbit_description.plugins
 if TYPE_CHECKING:
     PlantName = str
-    Perturbed = Any  # fields of files that are found
+    Perturbed = Any  # the fields of `perturbations/`
 else:
     PlantName = Literal[*names(PLANTS)]
     Perturbed = type("Perturbed", KINDS[::-1], {"__module__": __name__})
 
 
 class Episode(Checked):
-    """Which plant, its course, its first state, and what ends an episode."""
+    """The plant, the course, the first state, and what ends an episode."""
 
     plant: PlantName = Field("pybullet", description="physics engine, or rigid: the paper's hybrid model")
 
@@ -93,10 +93,10 @@ class Episode(Checked):
 class SimulationParameters(Perturbed, Episode):
     """Flat, immutable and checked: pydantic's error names the field, its value and what was expected.
 
-    Its fields are those of `Episode` and of each file of `perturbations/`.
+    The fields are those of `Episode` and of all files of `perturbations/`.
     """
 
-    if TYPE_CHECKING:  # the fields that are found, too
+    if TYPE_CHECKING:  # the perturbations' fields, too
 
         def __init__(self, **values: Any) -> None: ...
 
@@ -108,7 +108,7 @@ class SimulationParameters(Perturbed, Episode):
     @property
     def needs_path(self) -> bool:
         """Whether a measurement is faster than a tick."""
-        return any(each.needs_path for each in self.in_force())
+        return any(perturbation.needs_path for perturbation in self.in_force())
 
     def in_force(self) -> list[Perturbation]:
         """The perturbations that are not at their defaults, in the order in which they act."""
@@ -124,7 +124,7 @@ def marked(mark: str) -> list[str]:
 class PlayerParameters(Checked):
     """Parameters of who plays episodes, besides the plant's: how many, their pace, and how long is waited for whom."""
 
-    IS_SIMULATED: ClassVar[bool] = True  # a robot has drivers of its own for its sensors
+    IS_SIMULATED: ClassVar[bool] = True  # a robot's sensors have drivers that publish
 
     gait: str = Field(
         DEFAULT_GAIT,

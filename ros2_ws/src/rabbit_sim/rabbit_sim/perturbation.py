@@ -1,7 +1,7 @@
 """What a perturbation of the true plant is: fields that users set, and hooks that the plant calls.
 
-Each class in a file of `perturbations/` that derives from `Perturbation` is one. Its fields are flat among those of
-`SimulationParameters`; options, ROS parameters and the page's controls follow from them. A hook that it does not
+A class in a file of `perturbations/` that derives from `Perturbation` is one. The fields are flat among those of
+`SimulationParameters`; options, ROS parameters and the page's controls follow from them. A hook that the class does not
 override changes nothing, and a perturbation whose fields are at their defaults is not asked at all.
 """
 
@@ -51,7 +51,7 @@ def setting(default: Any, low: Any, high: Any, description: str, control: Contro
     return Field(default, ge=low, le=high, description=description, json_schema_extra=extra)
 
 
-Memory = SimpleNamespace  # what a perturbation remembers of an episode, under names of its own
+Memory = SimpleNamespace  # what a perturbation remembers of an episode, under any names
 JointTorque = Callable[[Array, Array], Array]  # on the joints (4,), N m, of q and dq (7,)
 
 
@@ -71,10 +71,8 @@ class Perturbation(Checked):
 
     @classmethod
     def of_all(cls, robots: Sequence[Parameters]) -> Self:
-        """Those of N robots in one: each field an array (N, 1, 1)."""
-        values: dict[str, Any] = {
-            name: np.array([[[getattr(each, name)]] for each in robots]) for name in cls.model_fields
-        }
+        """Those of N robots in one, whose fields are arrays (N, 1, 1)."""
+        values: dict[str, Any] = {name: np.array([[[getattr(p, name)]] for p in robots]) for name in cls.model_fields}
         return cls.model_construct(**values)  # type: ignore[return-value]
 
     @classmethod
@@ -95,7 +93,7 @@ class Perturbation(Checked):
         """Change masses, inertias and lengths of the URDF in place. The oracle knows it."""
 
     def attach(self, robot: Element) -> None:
-        """Add links with joints of their own to the URDF, for an engine."""
+        """Add links that move in further joints to the URDF, for an engine."""
 
     def attached_at(self, q: Array, dq: Array, slope: float) -> dict[str, tuple[float, float]]:
         """Where these joints are at a reset to q, dq (7,): angle and rate by name; the ground rises by `slope` rad."""

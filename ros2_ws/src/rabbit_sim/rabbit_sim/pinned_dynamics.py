@@ -52,16 +52,14 @@ class PinnedDynamics:
 
         def acceleration(z: Array, dz: Array) -> Array:
             q[SLIDES:], dq[SLIDES:] = chain.out @ z, chain.out @ dz
-            at_joints: Array = sum((each(q, dq) for each in self._beside), torque)
-            ddz: Array = pinocchio.aba(chain.model, chain.data, z, dz, at_joints.dot(chain.drives))
-            return ddz
+            at_joints: Array = sum((beside(q, dq) for beside in self._beside), torque)
+            return pinocchio.aba(chain.model, chain.data, z, dz, at_joints.dot(chain.drives))
 
         return acceleration
 
     def momentum(self, q: Array, dq: Array) -> Array:
         """Linear, x and z, N s."""
-        momentum: Array = pinocchio.computeCentroidalMomentum(self.model, self.data, q, dq).linear[PLANE]
-        return momentum
+        return pinocchio.computeCentroidalMomentum(self.model, self.data, q, dq).linear[PLANE]
 
     def impact(self, q: Array, dq: Array, landing: Leg) -> tuple[Array, Array]:
         """`dq` (n,) after the foot `landing` has come to rest, and the impulse (2,) on it, x and z, N s."""

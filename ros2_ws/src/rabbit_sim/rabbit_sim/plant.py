@@ -15,8 +15,6 @@ CONTACT_FORCE = 1.0  # N, a foot that carries more is in contact
 CLEAR_HEIGHT = 0.005  # m, a foot that has been higher since its last contact is clear, and can come down
 
 FOOT_RADIUS = 0.002  # m, of the URDF's foot sphere: a foot's centre at z = 0 stands on a top at -FOOT_RADIUS
-
-
 GRAVITY = 9.81  # m/s^2
 FARTHEST_EDGE = 0.9  # m from the stance foot, of any stone
 HIGHEST_TOP = 0.2  # m above or below the first platform, of any stone
@@ -79,7 +77,7 @@ class Plant:
         """Have exactly these stones; nothing to do where there is ground everywhere."""
 
     def set_friction(self, leg: Leg, coefficient: float) -> None:
-        """Coulomb's coefficient of what a foot stands on from now on."""
+        """Coulomb's coefficient of what a foot stands on from now on, until the reset."""
         raise NotImplementedError
 
     def advance(self, command: Array) -> None:

@@ -38,12 +38,12 @@ class PhysicsClient:
 
     def __getattr__(self, name: str) -> Any:
         function = partial(getattr(pybullet, name), physicsClientId=self._client)
-        setattr(self, name, function)  # so that it is made once
+        setattr(self, name, function)  # the next call finds it
         return function
 
 
 class PybulletPlant(EnginePlant):
-    """RABBIT in a physics client of its own, without graphics."""
+    """RABBIT in a `PhysicsClient`."""
 
     def __init__(self, parameters: SimulationParameters) -> None:
         super().__init__(parameters)
@@ -105,7 +105,6 @@ class PybulletPlant(EnginePlant):
         return index
 
     def set_friction(self, leg: Leg, coefficient: float) -> None:
-        """See `Plant`."""
         for link, foot in self._foot_of_link.items():
             if foot == leg:
                 self._set_surface(self._robot, link, coefficient)
@@ -119,7 +118,6 @@ class PybulletPlant(EnginePlant):
             raise RuntimeError(f"PyBullet kept friction {info[1]}, restitution {info[5]}: expected {friction}, 0")
 
     def _place(self, spans: Sequence[Span]) -> None:
-        """Add and remove boxes."""
         for span in set(self._stones) - set(spans):
             self._client.removeBody(self._stones.pop(span))
         for span in spans:
@@ -163,9 +161,9 @@ class PybulletPlant(EnginePlant):
 @contextmanager
 def decimal_points() -> Iterator[None]:
     """PyBullet reads numbers by the locale of the process: under one with a decimal comma it takes 4.384 kg for 4."""
-    own = locale.setlocale(locale.LC_NUMERIC)
+    usual = locale.setlocale(locale.LC_NUMERIC)
     locale.setlocale(locale.LC_NUMERIC, "C")
     try:
         yield
     finally:
-        locale.setlocale(locale.LC_NUMERIC, own)
+        locale.setlocale(locale.LC_NUMERIC, usual)

@@ -23,7 +23,7 @@ class RestartFileError(RuntimeError):
 class RestartPoint:
     """The newest episode, its tick, and ticks since the clock began; whether it is running, and how it was begun.
 
-    `sigma` is NaN where the controller's own holds; all is 0 before the first episode.
+    `sigma` is NaN where that of the controller holds; all is 0 before the first episode.
     """
 
     episode: int = 0

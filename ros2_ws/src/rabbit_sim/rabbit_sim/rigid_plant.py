@@ -30,7 +30,7 @@ class RigidPlant(Plant):
         self._actuation, self._keeps_path = Actuation(parameters), parameters.needs_path
         self._tick_seconds = parameters.tick_seconds
         urdf = perturbed_urdf(parameters)
-        beside = [each.joint_torque(urdf) for each in parameters.in_force() if each.has("joint_torque")]
+        beside = [p.joint_torque(urdf) for p in parameters.in_force() if p.has("joint_torque")]
         self._dynamics = PinnedDynamics(urdf, RabbitFeet(leg_shape(parameters)), beside, parameters.slope)
 
     def reset(self, q: Array, dq: Array, stance: Leg) -> None:
@@ -44,7 +44,6 @@ class RigidPlant(Plant):
         self._pin(stance)
 
     def advance(self, command: Array) -> None:
-        """One tick under the torques that the motors make of the command (4,), N m."""
         self._impulse = np.zeros((2, 2))
         self._touches = []
         self._path = []
@@ -98,7 +97,7 @@ class RigidPlant(Plant):
     def _state(self) -> tuple[Array, Array]:
         """`q`, `dq` (n,) of the motion."""
         q, dq = np.zeros((2, self._dynamics.coordinates))
-        q[SLIDES:], dq[SLIDES:] = (self._chain.out @ each for each in self._motion)
+        q[SLIDES:], dq[SLIDES:] = self._chain.out @ self._motion[0], self._chain.out @ self._motion[1]
         q[:SLIDES] = self._foot - self._dynamics.feet.positions(q)[self._stance]
         dq[:SLIDES] = -self._dynamics.feet.jacobian(q, self._stance) @ dq
         return q, dq

@@ -13,22 +13,21 @@ from rabbit_sim.plant import FOOT_RADIUS
 def perturbed_urdf(parameters: SimulationParameters) -> str:
     """URDF text of the robot with its seven coordinates, as the oracle knows it."""
     robot = ElementTree.parse(URDF_PATH).getroot()
-    for each in parameters.in_force():
-        each.change_robot(robot)
+    for perturbation in parameters.in_force():
+        perturbation.change_robot(robot)
     return ElementTree.tostring(robot, encoding="unicode")
 
 
 def leg_shape(parameters: SimulationParameters) -> LegShape:
     """Of the same robot."""
-    p = parameters
-    return LegShape.of(p.link_bend, p.leg_stretch, p.sole_radius - FOOT_RADIUS)
+    return LegShape.of(parameters.link_bend, parameters.leg_stretch, parameters.sole_radius - FOOT_RADIUS)
 
 
 def with_attached(urdf: str, parameters: SimulationParameters) -> str:
-    """The robot with what hangs at it by joints of its own."""
+    """The robot with the links that perturbations attach."""
     robot = ElementTree.fromstring(urdf)
-    for each in parameters.in_force():
-        each.attach(robot)
+    for perturbation in parameters.in_force():
+        perturbation.attach(robot)
     return ElementTree.tostring(robot, encoding="unicode")
 
 

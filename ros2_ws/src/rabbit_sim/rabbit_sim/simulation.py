@@ -65,7 +65,7 @@ class Landing:
 class Simulation:
     """One robot on one course at a time.
 
-    `course`: its stones; `outcome`, `landings`: how the episode stands. `plant`: the robot and its ground. `reading`:
+    `course`: the stones; `outcome`, `landings`: how the episode stands. `plant`: the robot on the ground. `reading`:
     the truth after the last tick, for judges alone.
     Example: `state = simulation.reset(seed=1)`, then `state = simulation.step(torque)` while `state.running`.
     """
@@ -110,9 +110,9 @@ class Simulation:
         self.plant.close()
 
     def reset(self, seed: int) -> RobotState:
-        """A new episode, the left leg standing. Course, first state and sensor noise have generators of their own.
+        """A new episode, the left leg standing.
 
-        So has each perturbation that exerts a force.
+        Course, first state, sensor noise, and any perturbation that exerts a force draw from different generators.
         """
         course_rng, start_rng, sensor_rng = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(3))
         self.course = self._file_course or draw_course(self.parameters, course_rng)
@@ -132,7 +132,7 @@ class Simulation:
 
     def memory_of(self, kind: type[Perturbation]) -> Memory | None:
         """What a perturbation that measures remembers of the episode; None where it is not in force."""
-        return next((memory for each, memory in self._measuring if isinstance(each, kind)), None)
+        return next((memory for perturbation, memory in self._measuring if isinstance(perturbation, kind)), None)
 
     @property
     def stones(self) -> tuple[Span, ...]:
@@ -171,8 +171,8 @@ class Simulation:
 
     def push_for_tick(self) -> None:
         """Have the perturbations' forces act on the torso in the next tick."""
-        for each, memory in self._pushing:
-            self.plant.push_for_tick(each.force(memory, self._tick))
+        for perturbation, memory in self._pushing:
+            self.plant.push_for_tick(perturbation.force(memory, self._tick))
 
     def change(self, parameters: SimulationParameters) -> None:
         """Go on from the present state with another robot, ground and sensors; the course stays until the reset.
@@ -187,18 +187,19 @@ class Simulation:
         self._perturb()
 
     def _perturb(self) -> None:
-        """Who measures and who pushes, each with its memory: that of a kind which measured, or of the same push."""
+        """Who measures and who pushes, with a memory: that of a kind which measured, or of the same push."""
         self._perturbations = self.parameters.in_force()
-        measured, pushed = {type(each): memory for each, memory in self._measuring}, dict(self._pushing)
+        measured, pushed = {type(p): memory for p, memory in self._measuring}, dict(self._pushing)
         self._measuring, self._pushing = [], []
-        for each in self._perturbations:
-            if each.has("measure"):
-                memory = measured.get(type(each)) or self._begun(each, self._sensor_rng)
+        for perturbation in self._perturbations:
+            kind = type(perturbation)
+            if perturbation.has("measure"):
+                memory = measured.get(kind) or self._begun(perturbation, self._sensor_rng)
                 memory.parameters = self.parameters
-                self._measuring.append((each, memory))
-            if each.has("force"):
-                rng = np.random.default_rng([self._seed, *type(each).__name__.encode()])
-                self._pushing.append((each, pushed.get(each) or self._begun(each, rng)))
+                self._measuring.append((perturbation, memory))
+            if perturbation.has("force"):
+                rng = np.random.default_rng([self._seed, *kind.__name__.encode()])
+                self._pushing.append((perturbation, pushed.get(perturbation) or self._begun(perturbation, rng)))
 
     def _begun(self, perturbation: Perturbation, rng: np.random.Generator) -> Memory:
         memory = Memory(rng=rng, parameters=self.parameters)
@@ -267,7 +268,7 @@ class Simulation:
             return 0.0
         stone = self._terrain.placed[self._touchdowns]
         offset = self._stance_x - (stone.near + stone.far) / 2
-        return sum(each.drop(self._touchdowns, offset) for each in self._perturbations)
+        return sum(perturbation.drop(self._touchdowns, offset) for perturbation in self._perturbations)
 
     def _support(self, reading: PlantReading) -> float:
         """From where the hip's height counts, m: the line over the tops, lower by what the stance foot has sunk."""
@@ -289,11 +290,9 @@ class Simulation:
             running=self.outcome is Outcome.RUNNING,
             applied=self._applied,
         )
-        for each, memory in self._measuring:
-            each.measure(memory, state, true)
-        if self._estimate is None or self.outcome is Outcome.DIVERGED:
-            return state
-        return self._estimate(state)
+        for perturbation, memory in self._measuring:
+            perturbation.measure(memory, state, true)
+        return state if self._estimate is None or self.outcome is Outcome.DIVERGED else self._estimate(state)
 
 
 def flight_ticks(parameters: SimulationParameters, dropped: float = 0.0) -> int:

@@ -1,4 +1,4 @@
-"""The end of a walk in one picture: the robot at each landing, and the swing foot's path over the stones."""
+"""The end of a walk in one picture: the robot at the landings, and the swing foot's path over the stones."""
 
 from itertools import pairwise
 from pathlib import Path
@@ -57,11 +57,8 @@ def draw_walk(walk: WalkRecords, path: Path) -> Path:
 
 def _draw_robot(axes: Axes, walk: WalkRecords, legs: Array, row: int, opacity: float) -> None:
     thin = style.inches() / style.PAGE
-    look: dict[str, Any] = {
-        "alpha": opacity,
-        "linewidth": (2.0 if opacity == 1 else 1.2) * thin,
-        "solid_capstyle": "round",
-    }
+    look: dict[str, Any] = {"alpha": opacity, "solid_capstyle": "round"}
+    look["linewidth"] = (2.0 if opacity == 1 else 1.2) * thin
     stance = Leg(walk.stance[row])
     for leg in (stance.other, stance):  # the stance leg before the other
         axes.plot(*legs[leg, row].T, color=STANCE if leg is stance else SWING, marker=".", markersize=4 * thin, **look)

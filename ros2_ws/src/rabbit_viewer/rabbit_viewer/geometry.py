@@ -22,7 +22,6 @@ LONGEST_ARROW = 0.9  # m
 PLATFORM = -1.0  # m, where the first platform begins
 ARC = 20  # corners of the area that lie on the inner circle
 
-
 Links = tuple[float, float]  # of the legs: by which share of its length a link is bent, and how many times as long
 STRAIGHT: Links = 0.0, 1.0
 

@@ -66,4 +66,4 @@ def _stones_underfoot(walk: WalkRecords) -> list[Span]:
     """Those in reach at the end; none is higher than a foot that stands on it, whose stone may have given way."""
     places = feet(walk.q, links_of(walk.about))
     spans, last = (stone_spans(walk, places) or [GROUND])[-KEPT_STONES:], places[-1].tolist()
-    return [each._replace(top=min([each.top, *(z for x, z in last if each.near <= x <= each.far)])) for each in spans]
+    return [span._replace(top=min([span.top, *(z for x, z in last if span.near <= x <= span.far)])) for span in spans]

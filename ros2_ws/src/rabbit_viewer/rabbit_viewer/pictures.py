@@ -18,8 +18,6 @@ IMPACT = 0.04  # s: a mean over a tick that begins within 30 ms of impact
 MILLIMETRES = 1e3  # in a metre
 FAR_OFF = 50.0  # mm from a stone, drawn no farther
 NAMES = ("hip, stance leg", "knee, stance leg", "hip, swing leg", "knee, swing leg")
-
-
 BARRIER_COLOURS = style.BLUE, style.ORANGE, style.GREEN, style.PURPLE
 BARRIER_LABELS = {"B1": "B1 (m): before the far edge", "B2": "B2 (m): past the near edge"}
 
@@ -74,7 +72,7 @@ def draw_clf(walk: WalkRecords, path: Path) -> Path:
         (walk.clf_slack, 0.0, style.GREEN, "d, of the CLF row"),
         (walk.rescue_slack, RESCUE_NEEDED, style.RED, "of last resort"),
     )
-    used = [each for each in slacks if (each[0] > each[1]).any()]
+    used = [slack for slack in slacks if (slack[0] > slack[1]).any()]
     figure, panels = style.figure(2 if used else 1)
     plot_steps(walk, panels[0], walk.V, style.BLUE, "")
     panels[0].set_ylabel("CLF V (rad²/s²)")
@@ -145,13 +143,12 @@ def draw_quantities(walk: WalkRecords, path: Path) -> Path:
 def swing_foot(walk: WalkRecords) -> Array:
     """l_f and h_f, the swing foot from the stance foot, (n, 2), m."""
     both, row = legs_of(walk)[:, :, 2], np.arange(len(walk.tick))
-    position: Array = both[1 - walk.stance, row] - both[walk.stance, row]
-    return position
+    return both[1 - walk.stance, row] - both[walk.stance, row]
 
 
 def plot_steps(walk: WalkRecords, axes: Axes, values: Array, colour: str, label: str) -> None:
     """A line that is broken where the legs swap."""
-    time, broken = (np.insert(each.astype(float), walk.step_starts[1:], np.nan) for each in (walk.time, values))
+    time, broken = (np.insert(line.astype(float), walk.step_starts[1:], np.nan) for line in (walk.time, values))
     axes.plot(time, broken, color=colour, label=label)
 
 

@@ -22,14 +22,14 @@ ROOM = 0.1  # around what is drawn, of its size
 
 
 def draw_margins(task: ControlTask, rides: Mapping[str, Sequence[RideRow]], path: Path) -> Path:
-    """Each barrier's least value in each ride, by controller; rides that failed have none. Impacts, if any."""
-    names = [each.name for each in task.barriers]
+    """Least values of the barriers in all rides, by controller; rides that failed have none. Impacts, if any."""
+    names = [barrier.name for barrier in task.barriers]
     with style.look():
         figure, panels = style.figure(len(names) + (task.impact is not None))
         for i, axes in enumerate(panels):
-            for k, each in enumerate(rides.values()):
-                margins = [ride.margins[i] if ride.outcome == "done" else np.nan for ride in each if i < len(names)]
-                values = margins or [ride.impacts for ride in each]
+            for k, ridden in enumerate(rides.values()):
+                margins = [ride.margins[i] if ride.outcome == "done" else np.nan for ride in ridden if i < len(names)]
+                values = margins or [ride.impacts for ride in ridden]
                 places = k + np.linspace(-0.2, 0.2, len(values))
                 axes.plot(places, values, "o", color=COLOURS[k % len(COLOURS)], markersize=4)
             if i < len(names):
@@ -49,10 +49,10 @@ def draw_ride(ride: Ride, folder: Path, form: str = "png") -> list[Path]:
 
 def draw_rows(ride: Ride, path: Path) -> Path:
     """The page's panels over time, but for those of one row of the QP."""
-    made = RideRows(ride.task)
-    panels = [panel for panel in made.panels(ride.has_qp) if panel["columns"] and "of" not in panel]
-    table = np.array([made.row(k, moment) for k, moment in enumerate(ride.moments)])
-    time, values = [moment.output.step_time for moment in ride.moments], dict(zip(made.columns, table.T, strict=True))
+    maker = RideRows(ride.task)
+    panels = [panel for panel in maker.panels(ride.has_qp) if panel["columns"] and "of" not in panel]
+    table = np.array([maker.row(k, moment) for k, moment in enumerate(ride.moments)])
+    time, values = [moment.output.step_time for moment in ride.moments], dict(zip(maker.columns, table.T, strict=True))
     with style.look():
         figure, places = style.figure(len(panels), height=1.9)
         for panel, axes in zip(panels, places, strict=True):
@@ -97,7 +97,7 @@ def film(ride: Ride, path: Path) -> list[Path]:
 def title_of(ride: Ride, moment: Moment) -> str:
     """Which ride, when, and the value of each barrier."""
     values = zip(ride.task.barriers, moment.output.barriers, strict=True)
-    told = (f"{each.name}: {value:.3f}" for each, value in values)
+    told = (f"{barrier.name}: {value:.3f}" for barrier, value in values)
     return "\n".join([f"{ride.task.name}, {ride.controller}, {moment.output.step_time:.1f} s", *told])
 
 

@@ -24,7 +24,7 @@ from rabbit_viewer.geometry import DEPTH, area_at, fall_of, force_arrow, legs_of
 from rabbit_viewer.limp_fall import COMPUTED_FROM
 
 VIEW = (-1.2, 1.2, -0.25, 1.6)  # m: left, right, bottom, top, from below the hip
-SIZE = (960, 740)  # pixels, the view's own shape
+SIZE = (960, 740)  # pixels, as the view
 LEFT = 19  # pixels, of all words
 TITLE, NUMBERS, REASON, WORDS_END = 14, 58, 124, 260  # pixels from the top
 LETTERS = 66  # of a reason's line
@@ -119,8 +119,8 @@ class Scene:
             "force": np.stack([foot, foot + arrow]),
             "tip": (foot + arrow)[None][: int(arrow.any())],
         }
-        for name, (x, z) in ((name, each.T) for name, each in points.items()):
-            self._lines[name].set_data(x - self._walk.q[row, 0], z)
+        for name, line in points.items():
+            self._lines[name].set_data(line[:, 0] - self._walk.q[row, 0], line[:, 1])
 
     def _with_words(self, row: int, picture: NDArray[np.uint8]) -> Image.Image:
         """By Pillow: matplotlib takes four times as long for the letters as for all the rest."""

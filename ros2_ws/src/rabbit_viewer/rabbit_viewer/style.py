@@ -49,17 +49,17 @@ def figure(
 ) -> tuple[Figure, list[Axes]]:
     """A figure of `rows` panels, which share their x axis unless `sharex` is False; sizes in inches, as on a page."""
     lower = 1.0 if width or inches() == PAGE else IN_COLUMN
-    made = Figure(figsize=(width or inches(), height * rows * lower), layout="constrained")
-    FigureCanvasAgg(made)
-    axes = made.subplots(rows, 1, sharex=sharex, squeeze=False, **options)
-    return made, list(axes[:, 0])
+    drawing = Figure(figsize=(width or inches(), height * rows * lower), layout="constrained")
+    FigureCanvasAgg(drawing)
+    axes = drawing.subplots(rows, 1, sharex=sharex, squeeze=False, **options)
+    return drawing, list(axes[:, 0])
 
 
-def save(made: Figure, path: Path, dpi: int = 150) -> Path:
+def save(drawing: Figure, path: Path, dpi: int = 150) -> Path:
     """Write a figure; the suffix says as what."""
     path.parent.mkdir(parents=True, exist_ok=True)
     drawn = BytesIO()  # matplotlib's PDF writer hides what a full disk says
-    made.savefig(drawn, format=path.suffix[1:], dpi=dpi)
+    drawing.savefig(drawn, format=path.suffix[1:], dpi=dpi)
     with replacing(path) as partial:
         partial.write_bytes(drawn.getbuffer())
     return path

@@ -45,11 +45,11 @@ def encode(
     import imageio_ffmpeg  # type: ignore[import-untyped]  # pictures do without it
 
     path.parent.mkdir(parents=True, exist_ok=True)
-    made = [path, path.with_suffix(".gif")] if gif else [path]
+    films = [path, path.with_suffix(".gif")] if gif else [path]
     words = [imageio_ffmpeg.get_ffmpeg_exe(), "-y", "-loglevel", "error", *PICTURES, f"{size[0]}x{size[1]}", "-i", "-"]
     words += [*MP4, str(path)]
     if gif:
-        words += ["-filter_complex", f"{SMALL.format(width=width)};{PALETTE}", "-map", "[gif]", str(made[1])]
+        words += ["-filter_complex", f"{SMALL.format(width=width)};{PALETTE}", "-map", "[gif]", str(films[1])]
     with subprocess.Popen(words, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as encoder:
         with suppress(BrokenPipeError):  # it has ended, and says why
             for picture in frames:
@@ -57,7 +57,7 @@ def encode(
         _, complaint = encoder.communicate()
     if encoder.returncode:
         raise VideoError(f"{path}: {complaint.decode(errors='replace').strip()}")
-    return made
+    return films
 
 
 def _frames(walks: Sequence[WalkRecords], speed: float) -> Iterator[memoryview]:

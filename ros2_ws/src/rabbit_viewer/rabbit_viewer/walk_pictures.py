@@ -65,8 +65,8 @@ def records_of_bag(bag: Path, number: int | None = None) -> WalkRecords:
     """The ticks of episode `number`, or of the last one that has some; raises `RecordingError`."""
     chosen = last_episode(bag, number)
     policies = ", ".join(dict.fromkeys(record.output.policy_version for record in chosen.records))
-    drawn = [(each.tick, drawn_parameters(each.parameters)) for each in chosen.settings]
-    changed = ", ".join(f"parameters changed at tick {tick}" for tick, each in drawn if each != drawn[0][1])
+    drawn = [(settings.tick, drawn_parameters(settings.parameters)) for settings in chosen.settings]
+    changed = ", ".join(f"parameters changed at tick {tick}" for tick, values in drawn if values != drawn[0][1])
     about = {"controller": chosen.controller, "policy": policies, "outcome": chosen.outcome, "seed": chosen.seed}
     about |= {**_plant_of_the_run(bag), **(drawn[0][1] if drawn else {})}
     about["tick_seconds"] = chosen.tick_seconds

@@ -1,4 +1,4 @@
-"""N robots walked by one controller: each gets to the bit the torque that it would get alone. One robot is N = 1.
+"""N robots walked by one controller: a robot gets to the bit the torque that it would get alone. One robot is N = 1.
 
 A tick is `step.py`; here are the rows of numbers that it reads and leaves, the policies, and who solves the QP.
 """
@@ -27,9 +27,8 @@ if TYPE_CHECKING:
     from rl_cbf_clf_controller.parameters import ControllerParameters
 
 NO_STONE = astuple(StonePreview(0, np.nan, np.nan, np.nan))
-BEGUN = (  # of a memory: what is known since the step began
-    *("stance", "index", "start", "seconds", "has_begun", "path", "phase_scale", "steps", "place", "moved", "carries"),
-)
+# of a memory: what is known since the step began
+BEGUN = "stance", "index", "start", "seconds", "has_begun", "path", "phase_scale", "steps", "place", "moved", "carries"
 
 
 class BatchController:
@@ -55,8 +54,8 @@ class BatchController:
         """Arrays of `n` robots."""
         f = self._one.functions
         self._rows = rows = StepRows(f, first, n)
-        self._given = given = {name: rows.reading[:, place] for name, (place, _) in f.reading.places.items()}
-        self._tick, self._touchdowns = (given[name][:, 0] for name in ("tick", "touchdowns"))
+        self._reading = {name: rows.reading[:, place] for name, (place, _) in f.reading.places.items()}
+        self._tick, self._touchdowns = (self._reading[name][:, 0] for name in ("tick", "touchdowns"))
         self._previews = list[Any]([()] * n)  # whose numbers are in the rows
         self._is_sound, self._to_memory = self._one.places["is_sound"].start, self._one.places["memory"]
         self._silence, self._is_silent = np.zeros((n, f.reading.sizes["noise"])), True
@@ -65,7 +64,7 @@ class BatchController:
 
     @property
     def parameters(self) -> "ControllerParameters":
-        """They are all robots'."""
+        """Of all robots."""
         return self._parameters
 
     @property
@@ -169,7 +168,7 @@ class BatchController:
             return self._silence
         none = self._silence[0]
         omega = sigma * np.array([rng.standard_normal(none.size) if sigma > 0 else none for rng in self._rngs])
-        self._given["noise"][...], self._is_silent = omega, sigma == 0
+        self._reading["noise"][...], self._is_silent = omega, sigma == 0
         return omega
 
     def look(self, states: Any, is_kept: bool = True) -> BatchScene:
@@ -201,14 +200,14 @@ class BatchController:
 
     def _read(self, states: Any) -> None:
         """Into the rows."""
-        given = self._given
-        given["q"][...], given["dq"][...], given["contact"][...] = states.q, states.dq, states.contact
-        given["applied"][...], given["foot_force"][...] = states.applied, states.foot_force.reshape(self._n, -1)
+        row = self._reading
+        row["q"][...], row["dq"][...], row["contact"][...] = states.q, states.dq, states.contact
+        row["applied"][...], row["foot_force"][...] = states.applied, states.foot_force.reshape(self._n, -1)
         self._tick[...], self._touchdowns[...] = states.tick, states.touchdowns
         for i, stone in enumerate([states.preview] if isinstance(states, RobotState) else states.previews):
             if stone is not self._previews[i]:
                 self._previews[i] = stone
-                given["stone"][i] = NO_STONE if stone is None else astuple(stone)
+                row["stone"][i] = NO_STONE if stone is None else astuple(stone)
 
     def _keep(self, seen: Array, stood: Array, robots: list[int]) -> None:
         """Of what is seen, what a second look at the same tick must know."""
@@ -223,11 +222,11 @@ class BatchController:
         """What the controller refuses, by robot."""
         if not refused.any():
             return {}
-        found = dict[int, str]()
+        errors = dict[int, str]()
         for i in refused.nonzero()[0].tolist():
             state = states if isinstance(states, RobotState) else states[i]
-            found[i] = f"controller error: {self._why_refused(state, int(refused[i]))}"
-        return found
+            errors[i] = f"controller error: {self._why_refused(state, int(refused[i]))}"
+        return errors
 
     def decide(self, scene: BatchScene, estimates: Estimates | None = None, omega: Array | None = None) -> BatchOutput:
         """The torques at these scenes, from all estimators; `estimates` take the place of the policy's."""
@@ -255,8 +254,8 @@ class BatchController:
             return self._rows.decide.row, ["daqp"] * n, ["solved"] * n
         row, left = np.zeros((n, self._one.functions.acted.size)), np.arange(n)
         for name in names:
-            found = self._rows.decide() if name == "daqp" else self._by_solvers(name, left, status)
-            row[left] = found[left]
+            decided = self._rows.decide() if name == "daqp" else self._by_solvers(name, left, status)
+            row[left] = decided[left]
             answer = row[:, at["answer"][0]]
             solved, valid = row[:, at["solved"][0].start] > 0, answer[:, self._one.is_valid] > 0
             for i in left.tolist():
@@ -281,17 +280,17 @@ class BatchController:
             rows.x[i], rows.y[i], rows.tolerance[i], status[i] = answer
         return rows.finish()
 
-    def _estimated(self, scene: BatchScene, given: Estimates | None) -> tuple[list[Estimates], Estimates]:
-        """Of the policy, and of the identified robot; and in all."""
+    def _estimated(self, scene: BatchScene, learned: Estimates | None) -> tuple[list[Estimates], Estimates]:
+        """Of the policy, by default as it says, and of the identified robot; and in all."""
         policy = self.policies[0]
         adapted, nothing = identified(self._one, self._seen), estimates_of(self._one, self._nothing)
-        if policy.comes_last or (given is None and isinstance(policy, ZeroPolicy)):
-            given = nothing
-        elif given is None and isinstance(policy, LearnedPolicy) and len(set(map(id, self.policies))) == 1:
-            given = policy.act_of_many(scene.observation, scene.seen.LgV)
-        elif given is None:
-            given = self._asked(scene)
-        parts, total = [given, *adapted], sum(adapted, self._none + given)
+        if policy.comes_last or (learned is None and isinstance(policy, ZeroPolicy)):
+            learned = nothing
+        elif learned is None and isinstance(policy, LearnedPolicy) and len(set(map(id, self.policies))) == 1:
+            learned = policy.act_of_many(scene.observation, scene.seen.LgV)
+        elif learned is None:
+            learned = self._asked(scene)
+        parts, total = [learned, *adapted], sum(adapted, self._none + learned)
         if isinstance(policy, ResidualPolicy):
             parts[0] = policy.of_many(self._memory, scene, total)
             total = total + parts[0]
@@ -300,11 +299,11 @@ class BatchController:
     def _asked(self, scene: BatchScene) -> Estimates:
         """Of the policy of each robot; nothing, of a robot whose policy refuses its scene."""
         nothing = self._one.qp.no_error()
-        found = [nothing] * self._n
+        estimates = [nothing] * self._n
         for i, policy in enumerate(self.policies):
             with refusing(scene.errors, i):
-                found[i] = policy.estimate(scene[i], nothing)
-        return Estimates.of_many(found)
+                estimates[i] = policy.estimate(scene[i], nothing)
+        return Estimates.of_many(estimates)
 
     def _why_refused(self, state: RobotState, kind: int) -> str:
         """In words."""

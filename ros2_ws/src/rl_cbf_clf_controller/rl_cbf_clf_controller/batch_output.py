@@ -33,7 +33,7 @@ class BatchScene(Scene):
 
 @contextmanager
 def refusing(errors: dict[int, str], i: int) -> Iterator[None]:
-    """What a controller of its own would raise becomes the first error of robot `i`; the others go on."""
+    """What a controller of robot `i` alone would raise becomes that robot's first error; the others go on."""
     try:
         yield
     except (ControllerError, np.linalg.LinAlgError) as error:
@@ -44,7 +44,7 @@ class BatchOutput:
     """What a tick decides, a row a robot; see `ControllerOutput`. `torque` (N, 4): left/right order, saturated, N m.
 
     `errors`: why the controller refuses a robot's state, `faults`: why its episode must end, both by its number;
-    `report` (N, size): see `step.py`; `solvers`: whose answer each one is; `omega` (N, 4): the noise; `total`,
+    `report` (N, size): see `step.py`; `solvers`: who answered, by robot; `omega` (N, 4): the noise; `total`,
     `learned`: the estimates in all and the policy's, rows as in `StepFunctions.estimates`; `parts`: those of
     each estimator, None: there are no others but the identified robots.
     """
@@ -124,7 +124,7 @@ class BatchOutput:
 
     @cached_property
     def parts(self) -> list[Estimates]:
-        """Estimates of the policy, of the identified robot, of the controller's own adaptive law."""
+        """Estimates of the policy, of the identified robot, of the controller's adaptive law."""
         one = self._one
         parts = self._parts or [estimates_of(one, self._learned), *identified(one, self.report)]
         if one.functions.compensation:
@@ -141,19 +141,19 @@ class BatchOutput:
         return self.report[:, self._one.places[name]]
 
     def _faults(self) -> dict[int, str]:
-        found = dict[int, str]()
+        faults = dict[int, str]()
         for i in self._part("fault")[:, 0].nonzero()[0].tolist():
             kind = int(self._part("fault")[i, 0])
             if i in self.errors:
                 continue
             if kind == DISAGREEMENT:
                 touchdowns, steps = (self._part(name)[i].item() for name in ("touchdowns", "index"))
-                found[i] = f"contact disagreement: {touchdowns:g} touchdowns, {steps:g} steps"
+                faults[i] = f"contact disagreement: {touchdowns:g} touchdowns, {steps:g} steps"
             elif kind == UNSOLVED:
-                found[i] = f"no solver answered: {self._answered[1][i]}"
+                faults[i] = f"no solver answered: {self._answered[1][i]}"
             else:
-                found[i] = f"torque not finite: {self._part('wanted')[i].tolist()} N m"
-        return found
+                faults[i] = f"torque not finite: {self._part('wanted')[i].tolist()} N m"
+        return faults
 
 
 def estimates_of(one: ControllerParts, rows: Array) -> Estimates:

@@ -30,7 +30,7 @@ from rl_cbf_clf_controller.walking import GAINS
 
 DYNAMIC = ("sigma", "swap_time", "swap_phase", *GAINS)  # parameters that may change between two ticks
 
-Found = TypeVar("Found", BatchScene, BatchOutput)
+SceneOrOutput = TypeVar("SceneOrOutput", BatchScene, BatchOutput)
 
 
 class OneRobot(ControllerParts):
@@ -100,7 +100,7 @@ class OneRobot(ControllerParts):
 
     @property
     def parts(self) -> list[Estimates]:
-        """Of the last tick, of each estimator: the policy, the identified robot, the controller's own."""
+        """Of the last tick, by estimator: the policy, the identified robot, the controller's adaptive law."""
         return [part[0] for part in self._output.parts]
 
     def output(self) -> ControllerOutput:
@@ -109,7 +109,7 @@ class OneRobot(ControllerParts):
 
 
 class Controller(OneRobot):
-    """One controller of RABBIT with its parameters, gait and policy.
+    """One controller of RABBIT with parameters, gait and policy.
 
     `further`: quantities of your own, made of RABBIT's symbols, with rows in the QP and without estimates. `urdf`
     replaces RABBIT's as the nominal model (the same joints and feet). After a tick, `scene`, `parts` and `estimates`
@@ -136,8 +136,7 @@ class Controller(OneRobot):
         Raises:
             ControllerError: any other difference needs a new controller.
         """
-        parameters: ControllerParameters = self._parameters
-        return parameters
+        return self._parameters
 
     @parameters.setter
     def parameters(self, new: ControllerParameters) -> None:
@@ -163,9 +162,9 @@ class Controller(OneRobot):
         self.robots.policies[0] = policy
 
     def _check(self, policy: Policy) -> None:
-        own, runs = policy.adaptation, self.parameters.adaptation
-        if own not in (None, runs):
-            raise ControllerError(f"policy {policy.version} adds to adaptation {own}: expected {runs}")
+        trained, runs = policy.adaptation, self.parameters.adaptation
+        if trained not in (None, runs):
+            raise ControllerError(f"policy {policy.version} adds to adaptation {trained}: expected {runs}")
 
     @property
     def steps(self) -> Values:
@@ -185,7 +184,6 @@ class Controller(OneRobot):
         self.reset(0)
 
     def act(self, state: RobotState) -> Acted:
-        """See `OneRobot`."""
         self._seen: BatchScene | None = None
         return super().act(state)
 
@@ -212,8 +210,8 @@ def checked(state: RobotState, sizes: Mapping[str, int] = READING) -> RobotState
     return state
 
 
-def sound(found: Found) -> Found:
+def sound(result: SceneOrOutput) -> SceneOrOutput:
     """Scene or output of one robot; raises `ControllerError` where it was refused."""
-    if found.errors:
-        raise ControllerError(found.errors[0].removeprefix("controller error: "))
-    return found
+    if result.errors:
+        raise ControllerError(result.errors[0].removeprefix("controller error: "))
+    return result

@@ -1,4 +1,4 @@
-"""What one controller is made of, however many robots it walks: its QP, its functions."""
+"""What one controller is made of, however many robots it walks: the QP, the functions of a tick."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -28,7 +28,7 @@ Further = Callable[[Walking], Sequence[Constrained]]  # quantities of RABBIT's s
 
 
 def nothing_further(walking: Walking) -> Sequence[Constrained]:
-    """The controller's own quantities are all."""
+    """No more than the quantities of the recipe."""
     return ()
 
 
@@ -44,12 +44,7 @@ class ControllerParts:
     """
 
     def __init__(
-        self,
-        tick: Tick,
-        functions: StepFunctions,
-        barrier_names: Sequence[str],
-        observed: int,
-        parameters: Any,
+        self, tick: Tick, functions: StepFunctions, barrier_names: Sequence[str], observed: int, parameters: Any
     ) -> None:
         self.qp, self.functions, self.barrier_names = tick, functions, tuple(barrier_names)
         self.observed, self._parameters = observed, parameters

@@ -1,4 +1,4 @@
-"""Why a tick decided as it did: each row in numbers, rows that exclude each other, the limit that would be needed.
+"""Why a tick decided as it did: the rows in numbers, rows that exclude each other, the limit that would be needed.
 
     row i:   lower_i <= A_i mu - slack_i <= upper_i        hard, of last resort, or soft (the paper's d)
 
@@ -119,7 +119,7 @@ class Explanation:
         for row in self.rows:
             numbers = [row.nominal, row.estimated, row.value, row.gives_way, abs(row.multiplier)]
             numbers[3:3] = [row.measured, row.measured - row.value] if is_measured else []
-            cells = "".join(f"{number(each):>11}" for each in numbers)
+            cells = "".join(f"{number(value):>11}" for value in numbers)
             kind, (meaning, unit) = f"{row.kind}, {row.state}".rstrip(", "), meaning_of(row.name, words)
             table.append(f"{row.name:8}{f'{row.asks} {unit}':24}{cells}  {kind:22}  {meaning}".rstrip())
         measured = ("measured", "off by") if is_measured else ()
@@ -157,9 +157,8 @@ class Explanation:
             "soft": "it is soft, and this cost less than a larger mu",
             "last resort": f"its slack of last resort{excuse}",
         }
-        told = [
-            f"{row.name} gives way by {number(row.gives_way)}: {whys[row.kind]}." for row in self.rows if row.gives_way
-        ]
+        paying = [row for row in self.rows if row.gives_way]
+        told = [f"{row.name} gives way by {number(row.gives_way)}: {whys[row.kind]}." for row in paying]
         return told or ["No row gives way in the model."]
 
     def _broken(self, words: Words) -> list[str]:
@@ -191,7 +190,7 @@ def explain(
     if not decided.solved:
         raise ValueError(f"no solver answered: {decided.status}")
     values, mu, layout = decided.values, decided.mu, tick.layout
-    rows, by_model = (_RowsOverMu(tick.programme(x, p, each), layout.inputs) for each in (estimates, nothing))
+    rows, by_model = (_RowsOverMu(tick.programme(x, p, errors), layout.inputs) for errors in (estimates, nothing))
     sign, constant, did = _constants(tick, x, p, rows, measured)
     at_mu = rows.A @ mu
     share = sign * (at_mu - by_model.A @ mu - rows.bound + by_model.bound)
@@ -206,7 +205,7 @@ def explain(
     bounds = np.array([rows.lower, rows.upper]) + normals @ control.b
     names, active = _told_apart(layout.names), values.margin < ROUNDING * (1 + np.linalg.norm(mu))
     numbers = lower, upper, sign * (at_mu + constant) - share, share, did, beyond, values.slack, values.multiplier
-    columns = names, kinds.tolist(), *(each.tolist() for each in (*numbers, active)), normals, bounds.T
+    columns = names, kinds.tolist(), *(column.tolist() for column in (*numbers, active)), normals, bounds.T
     told = tuple(Row(*line) for line in zip(*columns, strict=True))
     programme = _Feasibility(rows, mu, limits=range(len(told) - tick.limits, len(told)))
     chosen = sorted(np.flatnonzero(~is_soft).tolist(), key=(np.abs(values.multiplier) * rows.norm).item)
@@ -267,7 +266,7 @@ def _constants(tick: Tick, x: Array, p: Array, rows: _RowsOverMu, measured: Arra
     """
     n, nothing = len(tick.names), Rows((), ca.SX(0, len(tick.names)), ca.SX(0, 1), ca.SX(0, 1))
     blocks = [nothing, *tick.terms.rows(Affine(ca.SX.eye(n), ca.SX.zeros(n)))]
-    stacked = {name: ca.vertcat(*(getattr(each, name) for each in blocks)) for name in ("A", "lower", "upper")}
+    stacked = {name: ca.vertcat(*(getattr(block, name) for block in blocks)) for name in ("A", "lower", "upper")}
     asked = NumpyFunction.of("asked", {"x": tick.system.x, "p": tick.system.p}, stacked, matrices=("A",))(x, p)
     first = np.array([row[np.flatnonzero(row)[:1]].sum() for row in asked.A])
     bound = np.tile(np.where(np.isinf(asked.upper), asked.lower, asked.upper), tick.cases)
@@ -284,7 +283,7 @@ def _constants(tick: Tick, x: Array, p: Array, rows: _RowsOverMu, measured: Arra
 
 
 def _told_apart(names: Sequence[str]) -> list[str]:
-    """Rows that are there for each of several errors: `B1`, `B1 (2)`, ..."""
+    """Rows that are there for several errors: `B1`, `B1 (2)`, ..."""
     seen = [names[: i + 1].count(name) for i, name in enumerate(names)]
     return [f"{name} ({count})" if count > 1 else name for name, count in zip(names, seen, strict=True)]
 
@@ -337,9 +336,9 @@ class _Feasibility:
         b = np.concatenate([upper, -lower])
         kept, free = np.isfinite(b), [(None, None)] * self.A.shape[1]
         cost = np.eye(self.A.shape[1] + 1)[-1]
-        found: Any = linprog(cost, A[kept], b[kept], bounds=[*free, (0, None)], method="highs")
-        if not found.success:
+        result: Any = linprog(cost, A[kept], b[kept], bounds=[*free, (0, None)], method="highs")
+        if not result.success:
             return np.inf, np.zeros(len(i))
         multipliers = np.zeros(len(b))
-        multipliers[kept] = -found.ineqlin.marginals
-        return float(found.fun), np.sign(np.subtract(*np.split(multipliers, 2)))
+        multipliers[kept] = -result.ineqlin.marginals
+        return float(result.fun), np.sign(np.subtract(*np.split(multipliers, 2)))

@@ -188,7 +188,7 @@ def export(
         functions = [f.look, policy.estimates, f.decide]
     if estimator:
         functions.append(estimator.function)
-    text = c_of(*(each.function for each in functions))
+    text = c_of(*(function.function for function in functions))
     if text is None:
         raise ExportError("the tick: expected functions of which CasADi can write C")
     folder.mkdir(parents=True, exist_ok=True)
@@ -233,19 +233,15 @@ def header(controller: OneRobot, estimator: StateEstimator | None) -> str:
     about += ", ESTIMATOR in a memory" if estimator else ""
     policy = ""
     if isinstance(controller.robots.policies[0], ActorPolicy):
-        tables = (f"extern {declared(*each)};" for each in tables_of(controller.robots.policies[0]).items())
+        tables = (f"extern {declared(*table)};" for table in tables_of(controller.robots.policies[0]).items())
         policy = POLICY.format(tables="\n".join(tables))
     return HEADER.format(about=about, rows="\n".join(lines), policy=policy, sensing=sensing)
 
 
 def report_of(controller: OneRobot) -> Layout:
     """The report; with a learned policy also all estimates."""
-    f = controller.functions
-    return (
-        Layout(f.report.sizes | f.estimates.sizes)
-        if isinstance(controller.robots.policies[0], ActorPolicy)
-        else f.report
-    )
+    f, is_learned = controller.functions, isinstance(controller.robots.policies[0], ActorPolicy)
+    return Layout(f.report.sizes | f.estimates.sizes) if is_learned else f.report
 
 
 def tables_of(policy: ActorPolicy) -> dict[str, Array]:
@@ -277,15 +273,14 @@ def wrapper(controller: OneRobot, functions: Sequence[NumpyFunction], estimator:
         sizes = {"inputs": len(policy.center), "widest": actor.widest, "units": actor.units, "outputs": actor.outputs}
         adapted = ADAPTED.format(estimated=policy.estimates.row.size) if f.identifies else ""
         tick, network = LEARNED.format(adapted=adapted, **sizes), SOURCE.read_text()
-        network = network.replace("\nvoid layer(", "\nstatic void layer(").replace(
-            "void forward(", "void policy_forward("
-        )
-        network += "\n".join(f"{declared(*each)} = {numbers(each[1])};" for each in tables_of(policy).items())
+        network = network.replace("\nvoid layer(", "\nstatic void layer(")
+        network = network.replace("void forward(", "void policy_forward(")
+        network += "\n".join(f"{declared(*table)} = {numbers(table[1])};" for table in tables_of(policy).items())
     most = {
-        "arguments": max(each.function.sz_arg() for each in functions),
-        "results": max(each.function.sz_res() for each in functions),
-        "integers": max(each.function.sz_iw() for each in functions),
-        "numbers": max(each.function.sz_w() for each in functions),
+        "arguments": max(function.function.sz_arg() for function in functions),
+        "results": max(function.function.sz_res() for function in functions),
+        "integers": max(function.function.sz_iw() for function in functions),
+        "numbers": max(function.function.sz_w() for function in functions),
     }
     constant = (f"static const {declared(name, values)} = {numbers(values)};" for name, values in tables.items())
     written = "\n".join((network, *constant))

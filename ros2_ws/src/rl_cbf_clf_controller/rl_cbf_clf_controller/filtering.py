@@ -14,11 +14,10 @@ from rabbit_description.task import Commands, ControlTask
 class Unasked:
     """A quantity without rows: it is estimated as before, so that a policy of the task fits, and asks for nothing."""
 
-    asked: Constrained
+    quantity: Constrained
 
     def on(self, system: System) -> Quantity:
-        """As it was, without its rows."""
-        return replace(self.asked.on(system), rows=lambda value: [])
+        return replace(self.quantity.on(system), rows=lambda value: [])
 
 
 def filtering(task: ControlTask) -> ControlTask:
@@ -34,7 +33,7 @@ def filtering(task: ControlTask) -> ControlTask:
     return replace(
         task,
         system=system,
-        quantities=[each if each in barriers else Unasked(each) for each in task.quantities],
+        quantities=[quantity if quantity in barriers else Unasked(quantity) for quantity in task.quantities],
         objective=lambda terms: nearest(terms.control, ca.vertcat(*wanted.values())),
         observation=task.observed,
         commands=commands,

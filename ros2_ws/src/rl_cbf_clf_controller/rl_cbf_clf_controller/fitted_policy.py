@@ -17,10 +17,10 @@ def fitted(file: PolicyFile, parameters: ControllerParameters, gaits: Gaits) -> 
         PolicyFileError: it was trained for another problem, beside another adaptation, with another tick, or reads the
             length of a gait library's steps on stones and there is one gait.
     """
-    about, own = file.metadata, file.metadata.adaptation or "none"
-    if own != parameters.adaptation:
+    about, trained = file.metadata, file.metadata.adaptation or "none"
+    if trained != parameters.adaptation:
         raise PolicyFileError(
-            f"policy: it was trained with adaptation {own}; this controller has {parameters.adaptation}"
+            f"policy: it was trained with adaptation {trained}; this controller has {parameters.adaptation}"
         )
     if about.trained_tick != parameters.tick_seconds:
         raise PolicyFileError(
@@ -42,5 +42,5 @@ def fitted(file: PolicyFile, parameters: ControllerParameters, gaits: Gaits) -> 
         return OnFlatGround(policy, gaits.step_length if isinstance(gaits, Gait) else gaits.start_length)
     size = f", {len(about.names)} quantities of {len(about.observation)} observations"
     is_named = about.problem in (parameters.problem.name, RL_CBF_CLF_QP.name)
-    trained = f"{about.about}{size if is_named else ''}"
-    raise PolicyFileError(f"policy: it was trained for {trained}; this controller needs {parameters.problem}")
+    problem = f"{about.about}{size if is_named else ''}"
+    raise PolicyFileError(f"policy: it was trained for {problem}; this controller needs {parameters.problem}")

@@ -78,14 +78,14 @@ BASE_DOUBT = 0.05  # of the base's rows, from which on they are not used
 
 
 def unknown(robot: RobotNumbers) -> dict[str, Array]:
-    """What is known of a `robot` before it moves: its own links, ideal motors, and the prior.
+    """What is known of a `robot` before it moves: nominal links, ideal motors, and the prior.
 
     `value` (15,), as in `IDENTIFIED`; `base` (12,), theta as the base's rows say; `doubts` (2,), how much all rows and
     the base's leave unexplained. `fit`, `base_fit`: what the least squares say; of their `covariance` the upper
     triangle. `regressor`, `measured`: both sides, filtered; `share`: of the next tick in them.
     """
     value, prior = np.concatenate([robot.theta, [0.0, 1.0, 0.0]]), prior_covariance(robot.theta)
-    half, of_theta = (each[np.tril_indices(len(each))] for each in (prior, prior[THETA, THETA]))
+    half, of_theta = (matrix[np.tril_indices(len(matrix))] for matrix in (prior, prior[THETA, THETA]))
     of_base = {"base": robot.theta, "base_fit": robot.theta, "base_covariance": of_theta}
     known = {"value": value, "fit": value, "covariance": half, **of_base, "doubts": np.zeros(2)}
     return known | {"regressor": np.zeros((DOF, SIZE)), "measured": np.zeros(DOF), "share": np.ones(1)}
@@ -119,7 +119,7 @@ def learned(
     base_before = known["base_fit"], from_upper(known["base_covariance"], THETA.stop), walk[THETA, THETA]
     base_fit, base_covariance, base_square = updated(*base_before, *of_base)
     is_robot = ca.logic_and(is_physical(fit[THETA]), fit[MOTOR_GAIN] > 0)
-    doubts = (doubt_after(known["doubts"][i], each) for i, each in enumerate((square, base_square)))
+    doubts = doubt_after(known["doubts"][0], square), doubt_after(known["doubts"][1], base_square)
     return {
         **{"value": ca.if_else(is_robot, fit, known["value"]), "fit": fit, "covariance": upper(covariance)},
         **{"base": ca.if_else(is_physical(base_fit), base_fit, known["base"]), "base_fit": base_fit},
@@ -135,20 +135,14 @@ def equation(s: dict[str, ca.SX], seconds: float) -> tuple[ca.SX, ca.SX, ca.SX]:
     robot = PinnedRobot(parameters={**robot_parameters(), **lengths, "gravity": ca.SX(GRAVITY)})
     ddq = ca.SX.sym("ddq", DOF)
     tau, points = robot.inverse_dynamics(ddq), ca.vertcat(*robot.feet)
-    at_tick = (
-        [robot.q, robot.dq, ddq],
-        [
-            (s["start"][:DOF] + s["end"][:DOF]) / 2,
-            (s["start"][DOF:] + s["end"][DOF:]) / 2,
-            (s["end"][DOF:] - s["start"][DOF:]) / seconds,
-        ],
-    )
+    middle, change = (s["start"] + s["end"]) / 2, (s["end"][DOF:] - s["start"][DOF:]) / seconds
     terms = [ca.jacobian(tau, s["theta"]), ca.jacobian(tau, ddq), ca.jacobian(points, robot.q)]
-    moved, mass, jacobians = ca.substitute(terms, *at_tick)
+    at_tick = [middle[:DOF], middle[DOF:], change]
+    moved, mass, jacobians = ca.substitute(terms, [robot.q, robot.dq, ddq], at_tick)
     base = ca.SX.zeros(BASE)
-    damping = ca.vertcat(base, (ca.diag(mass) * at_tick[1][1])[BASE:])
-    own = [damping, ca.vertcat(base, -s["now"]), ca.vertcat(base, -(s["before"] - s["now"]))]
-    return ca.horzcat(moved, *own), jacobians.T @ ca.vec(s["force"].T), mass
+    damping = ca.vertcat(base, (ca.diag(mass) * middle[DOF:])[BASE:])
+    of_joints = damping, ca.vertcat(base, -s["now"]), ca.vertcat(base, -(s["before"] - s["now"]))
+    return ca.horzcat(moved, *of_joints), jacobians.T @ ca.vec(s["force"].T), mass
 
 
 def doubt_after(doubt: ca.SX, square: ca.SX) -> ca.SX:
@@ -174,8 +168,8 @@ def in_use(value: ca.SX, base: ca.SX, nominal: Array, doubts: ca.SX) -> tuple[ca
     """
     of_base, of_nominal = shares(doubts)
     late = value[LATE_TORQUE]
-    other = ca.vertcat(base, 0, 1, ca.if_else(late < 1, late, USUAL_LATE))
-    used = (1 - of_base - of_nominal) * value + of_base * other + of_nominal * ca.DM(nominal)
+    ideal = ca.vertcat(base, 0, 1, ca.if_else(late < 1, late, USUAL_LATE))
+    used = (1 - of_base - of_nominal) * value + of_base * ideal + of_nominal * ca.DM(nominal)
     return used, of_base + of_nominal
 
 

@@ -2,7 +2,7 @@
 
 `identification.py` finds what the robot weighs, how its joints are damped and what its motors give;
 `joint_calibration.py` where its joints' angles are zero. A second model carries what is found, and the estimates are
-the difference of the quantities by this and by the nominal model, as the oracle's are by the plant's own
+the difference of the quantities by this and by the nominal model, as the oracle's are by the plant's
 (`cbf_clf_qp.estimates`). The policy's are added to them. The angles are corrected before anything is computed from
 them. Where the state is predicted (`state_prediction.py`), the identification still learns from the measured one.
 
@@ -87,7 +87,7 @@ def after_tick(nominal: RobotNumbers, gives_way: bool, tick_seconds: float = TIC
     begins = ca.logic_or(known["ticks"] == 0, known["ticks"] == length)
     start = ca.if_else(begins, known["x"], known["start"])
     sums = {"torques": now["torque"], "forces": now["force"]}
-    sums = {name: ca.if_else(begins, each, known[name] + each) for name, each in sums.items()}
+    sums = {name: ca.if_else(begins, value, known[name] + value) for name, value in sums.items()}
     ticks = pinned * (ca.if_else(begins, 0, known["ticks"]) + 1)
     is_whole = ticks == length
     standing = pinned * (known["standing"] + is_whole)
@@ -97,9 +97,9 @@ def after_tick(nominal: RobotNumbers, gives_way: bool, tick_seconds: float = TIC
     error = ca.fabs(rates / 2 - turned / seconds)
     errors = known["errors"] + ca.if_else(learns, ca.fmin(error, PUSHED), 0)
     differences = known["differences"] + learns
-    found = calibrated(known, now["x"], differences, np.pi * (errors / differences) ** 2, **lengths)
-    found = {name: ca.if_else(learns, value, known[name]) for name, value in found.items()}
-    found |= {"errors": errors, "differences": differences, "standing": standing}
+    offsets = calibrated(known, now["x"], differences, np.pi * (errors / differences) ** 2, **lengths)
+    after = {name: ca.if_else(learns, value, known[name]) for name, value in offsets.items()}
+    after |= {"errors": errors, "differences": differences, "standing": standing}
     tick = {"start": start, "end": now["x"], "before": known["torque"], "now": torque, **lengths}
     tick |= {"force": force, "rate_variance": rate_variance(errors, differences)}
     later = learned(nominal, known, tick, seconds)
@@ -109,10 +109,10 @@ def after_tick(nominal: RobotNumbers, gives_way: bool, tick_seconds: float = TIC
     later["numbers"] = with_links(nominal, used)
     kept = known | {name: ca.if_else(pinned, known[name], first[name]) for name in ("regressor", "measured", "share")}
     is_known = ca.logic_and(learns, differences >= FIRST_DIFFERENCES)
-    found |= {name: ca.if_else(is_known, value, kept[name]) for name, value in later.items()}
-    found |= {**sums, "ticks": ticks, "start": start, "tick": now["tick"], "x": now["x"]}
-    found["torque"] = ca.if_else(is_whole, torque, known["torque"])
-    inputs, outputs = {"known": packed(known), **now, **lengths}, {name: found[name] for name in first}
+    after |= {name: ca.if_else(is_known, value, kept[name]) for name, value in later.items()}
+    after |= {**sums, "ticks": ticks, "start": start, "tick": now["tick"], "x": now["x"]}
+    after["torque"] = ca.if_else(is_whole, torque, known["torque"])
+    inputs, outputs = {"known": packed(known), **now, **lengths}, {name: after[name] for name in first}
     return NumpyFunction.of("after_tick", inputs, outputs)
 
 

@@ -36,8 +36,6 @@ OFFSETS = np.array([[0.0, 0, 0, 1, 0, 1, 0], [0, 0, 0, 0, 1, 0, 1]]).T  # (o_h, 
 OFFSET_SPREAD = np.array([0.05, 0.01])  # rad
 VELOCITY_NOISE = 0.05  # m/s
 SIZE = 2
-
-
 STILL, MOVING = 0.07, 0.08  # m/s; rms of the innovations, up to which the foot stands and from which on it does not
 MOST = 0.2  # m/s; of one tick: a blow is no soft ground
 FORGIVEN = 5.0  # of the variance of the rates' noise

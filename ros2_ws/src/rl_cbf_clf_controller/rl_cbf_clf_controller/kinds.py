@@ -1,6 +1,6 @@
 """Controllers by name: those of `recipes.py`, and those that another package brings.
 
-A package brings its own by an entry point in the group `rabbit.controllers`, which names a `Kind`.
+A package brings a controller by an entry point in the group `rabbit.controllers`, which names a `Kind`.
 """
 
 from collections.abc import Callable, Sequence
@@ -34,7 +34,7 @@ class Kind:
     """What distinguishes one controller from another. The functions get the `ControllerParameters`.
 
     `quantities`: of RABBIT's symbols; `corners`: further errors at which every row holds; `terrain`: what it
-    walks on; `compensation`: an adaptive law of its own, see `l1_adaptation.py`; `learns`: a policy belongs to it.
+    walks on; `compensation`: an adaptive law, see `l1_adaptation.py`; `learns`: a policy belongs to it.
     """
 
     problem: Problem
@@ -48,8 +48,7 @@ class Kind:
 @cache
 def find_kind(name: str) -> Kind:
     """The controller of this name; raises `PluginError`."""
-    kind: Kind = plugins.load(GROUP, name)
-    return kind
+    return plugins.load(GROUP, name)
 
 
 def find_problem(problem: Any) -> Any:

@@ -62,14 +62,12 @@ def l1_adaptation(p: ControllerParameters, m: int = JOINTS) -> NumpyFunction:
     state = row_by_row(was["state"], m)
     adapted = adapt(p, clf, (was["slope"], was["offset"], state), defect, ca.norm_2(mu))
     goes_on, anew = is_finite(s["torque"]), ca.vertcat(ca.SX.zeros(ESTIMATE, m), state[ESTIMATE:, :])
-    slope, offset, state = (
-        ca.if_else(goes_on, now, before)
-        for now, before in zip(adapted, (was["slope"], was["offset"], anew), strict=True)
-    )
+    before = was["slope"], was["offset"], anew
+    slope, offset, state = (ca.if_else(goes_on, *pair) for pair in zip(adapted, before, strict=True))
     left = {"slope": slope, "offset": offset, "state": row_major(state), "last_eta": s["eta"]}
     left["belief"] = row_major(ca.horzcat(belief.a, belief.b))
-    found = {"adaptive": layout.joined(left), "compensation": -whole @ state[FILTERED, :].T}
-    return NumpyFunction.of("l1_adaptation", s, found)
+    outputs = {"adaptive": layout.joined(left), "compensation": -whole @ state[FILTERED, :].T}
+    return NumpyFunction.of("l1_adaptation", s, outputs)
 
 
 def adapt(p: ControllerParameters, clf: ResClf, before: tuple[ca.SX, ...], defect: ca.SX, size: ca.SX) -> list[ca.SX]:

@@ -39,11 +39,11 @@ def updated(
     D, LT, _ = ca.ldl(symmetric(regressor @ along + noise), False)
     halves = forward(LT, ca.horzcat(along.T, measured - regressor @ value))  # L^-1 of H P, and of the innovation
     gained, innovation = halves[:, :-1], halves[:, -1]
-    found = value + gained.T @ (innovation / D)
+    moved = value + gained.T @ (innovation / D)
     narrowed = symmetric(spread_now - gained.T @ (gained / ca.repmat(D, 1, value.numel())))
     square = ca.dot(innovation, innovation / D) / innovation.numel()
-    is_good = is_bounded(ca.vertcat(found, ca.vec(narrowed)))
-    return ca.if_else(is_good, found, value), ca.if_else(is_good, narrowed, covariance), square
+    is_good = is_bounded(ca.vertcat(moved, ca.vec(narrowed)))
+    return ca.if_else(is_good, moved, value), ca.if_else(is_good, narrowed, covariance), square
 
 
 def upper(matrix: ca.SX) -> ca.SX:

@@ -62,7 +62,7 @@ def state_values(message: Any, inputs: int = JOINTS, eta: int = 2 * JOINTS) -> d
     values |= {name: array_of(message, name, len(message.rows)) for name in ROWS}
     values |= {"stance": Leg(message.stance), "active": tuple(message.active), "rows": tuple(message.rows)}
     bounded = (array_of(message, name, len(message.names)) for name in ("values", "rates"))
-    of_values, of_rates = (dict(zip(message.names, each, strict=True)) for each in bounded)
+    of_values, of_rates = (dict(zip(message.names, array, strict=True)) for array in bounded)
     V = float(of_values.pop("V", np.nan))
     barriers, rates = np.array([*of_values.values()]), np.array([of_rates[name] for name in of_values])
     return {**values, "V": V, "barriers": barriers, "barrier_rates": rates, "barrier_names": tuple(of_values)}

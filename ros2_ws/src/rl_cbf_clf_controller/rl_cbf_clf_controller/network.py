@@ -1,8 +1,8 @@
 """The actor's network, with ReLU and tanh: `network.c`, once many rows were asked for, or numpy with the same bits.
 
 In double precision, with libm's tanh. Each unit adds to its bias its inputs times their weights, in order, and leaves
-out inputs that are zero, as half of them are behind a ReLU. BLAS adds in an order of its own, and numpy has a tanh of
-its own: outputs would differ in the last bits.
+out inputs that are zero, as half of them are behind a ReLU. BLAS adds in another order, and numpy has another tanh:
+outputs would differ in the last bits.
 """
 
 import ctypes
@@ -63,12 +63,12 @@ class Actor:
         self._arrays = arrays
         weights = [arrays[f"{i}.weight"].T for i in range(LAYERS)]
         biases = [arrays[f"{i}.bias"] + 0.0 for i in range(LAYERS)]  # no -0.0, which a term of zero would make 0.0
-        self.weights = np.concatenate([each.ravel() for each in weights], dtype=np.float32)
+        self.weights = np.concatenate([layer.ravel() for layer in weights], dtype=np.float32)
         self.biases = np.concatenate(biases, dtype=float)
         self.sizes = np.array([len(weights[0]), *map(len, biases)])
         self._inputs, self.outputs = len(weights[0]), len(biases[-1])
         self.widest, self.units = int(self.sizes[:-1].max()), int(self.sizes[1:].sum())
-        self._given = self.sizes.ctypes.data, self.widest, self.weights.ctypes.data, self.biases.ctypes.data
+        self._layers = self.sizes.ctypes.data, self.widest, self.weights.ctypes.data, self.biases.ctypes.data
 
     def __reduce__(self) -> tuple[Any, ...]:  # a copy has its own addresses
         return Actor, (self._arrays,)
@@ -81,13 +81,12 @@ class Actor:
         NETWORK.count(n)
         if NETWORK.forward:
             memory = np.empty(self.widest + n * self.units)
-            NETWORK.forward(n, *self._given, x.ctypes.data, memory.ctypes.data)
+            NETWORK.forward(n, *self._layers, x.ctypes.data, memory.ctypes.data)
             y = memory[memory.size - n * self.outputs :]
         else:
             with np.errstate(all="ignore"):  # as in C
                 y = np.array([[*map(tanh, self._in_numpy(row).tolist())] for row in x.reshape(n, inputs)])
-        outputs: NDArray[np.float64] = y.reshape(*many, self.outputs)
-        return outputs
+        return y.reshape(*many, self.outputs)
 
     def _in_numpy(self, y: NDArray[Any]) -> NDArray[Any]:
         at = bias_at = 0

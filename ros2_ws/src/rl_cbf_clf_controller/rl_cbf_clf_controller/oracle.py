@@ -1,4 +1,4 @@
-"""Exact alpha and beta from the plant's own parameters: for tests, upper bounds and the rival that it teaches.
+"""Exact alpha and beta from the plant's parameters: for tests, upper bounds and the rival that it teaches.
 
 The plant's numbers take the place of the nominal robot's. In the first approach alpha and beta are the input that makes
 y-ddot = mu: where the quantities' errors say y-ddot = (I + A) mu + b, that is alpha = (I + A)^-1 - I,
@@ -53,7 +53,6 @@ class OraclePolicy(Policy):
         self._io = io
 
     def estimate(self, scene: Scene, before: Estimates) -> Estimates:
-        """Exact estimates at this tick."""
         error = scene.error_of(self._robots[scene.stance])
         if not self._io:
             return error

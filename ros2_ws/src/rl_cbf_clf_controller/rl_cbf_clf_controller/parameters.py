@@ -23,7 +23,7 @@ class ParameterError(ValueError):
 
 
 class ControllerParameters(BaseModel):
-    """Everything that shapes the controller. Defaults are this project's own; `authors.yaml` has the first author's."""
+    """Everything that shapes the controller. Defaults are this project's; `authors.yaml` has the first author's."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
@@ -155,7 +155,7 @@ def load_parameters(name_or_path: str | Path, terrain: str | None = None, /, **c
     """
     from rabbit_description.yaml_file import read_mapping, shortened, yaml_path  # not for --help
 
-    path, shipped = yaml_path(name_or_path, CONFIG), sorted(each.stem for each in CONFIG.glob("*.yaml"))
+    path, shipped = yaml_path(name_or_path, CONFIG), sorted(path.stem for path in CONFIG.glob("*.yaml"))
     if path.parent == CONFIG and path.stem not in shipped:
         raise ParameterError(f"parameters {name_or_path}: expected {one_of(name_or_path, shipped)}, or a YAML file")
     try:

@@ -48,7 +48,7 @@ EDGES = "l_min", "l_max"
 
 
 class StonesFile(BaseModel):
-    """Stepping stones: one for each step, of which the next one is announced. Their edges, m, are from the stance foot.
+    """Stepping stones, one a step, of which the next one is announced. Their edges, m, are from the stance foot.
 
     `poles`, `R1`, `R2`: of the barriers, see `stone_barriers`.
     """
@@ -198,13 +198,12 @@ class PlanarWalker:
 
     def _of_robot(self) -> dict[str, ca.SX]:
         """The parameters of `PinnedRobot`; the payload is where the torso has its centre of mass."""
-        own, numbers = self.parameters, self.numbers
-        links, (x, z) = own["mass"] * ca.SX(numbers.links), numbers.links[0, 1:3] / numbers.links[0, 0]
-        links[0, :] += own["payload"] * ca.SX([1, x, z, x**2 + z**2]).T
-        given = {
-            name: ca.SX(getattr(numbers, name)) for name in ("joints", "feet", "joint_damping", "coulomb", "gravity")
-        }
-        return given | {"links": links, "motor_gain": own["motors"] * ca.SX(numbers.motor_gain)}
+        p, numbers = self.parameters, self.numbers
+        links, (x, z) = p["mass"] * ca.SX(numbers.links), numbers.links[0, 1:3] / numbers.links[0, 0]
+        links[0, :] += p["payload"] * ca.SX([1, x, z, x**2 + z**2]).T
+        names = "joints", "feet", "joint_damping", "coulomb", "gravity"
+        robot = {name: ca.SX(getattr(numbers, name)) for name in names}
+        return robot | {"links": links, "motor_gain": p["motors"] * ca.SX(numbers.motor_gain)}
 
     def _row(self, of: Sum) -> Array:
         """A sum as factors of the robot's coordinates (n,)."""
@@ -242,9 +241,10 @@ class PlanarWalker:
         outputs = OutputExpressions(robot.q, robot.dq, self.angles)
         symbols = ca.vertcat(packed(outputs.path), outputs.parameters["phase_scale"])
         numbers = ca.SX([*self.constraints.row, *self.constraints.scale])
-        y, phase = (ca.substitute(each, symbols, numbers) for each in outputs.along_path([outputs.y, outputs.phase]))
+        along = outputs.along_path([outputs.y, outputs.phase])
+        y, phase = (ca.substitute(expression, symbols, numbers) for expression in along)
         seen = ca.vertcat(y, system.derivative(y), phase, system.derivative(phase))
-        names = [*self.outputs, *(f"d{each}" for each in self.outputs), "phase", "dphase"]
+        names = [*self.outputs, *(f"d{name}" for name in self.outputs), "phase", "dphase"]
         hip, force = self._held(robot.hip), self._held(robot.force(robot.u))
         failed = {
             "pitch": Limit(self.q[0], -file.fallen_pitch, file.fallen_pitch, "rad"),
@@ -302,14 +302,14 @@ class PlanarWalker:
     def _points(self) -> NumpyFunction:
         """Of a picture, from the stance foot, m: `hip`, `top` of the torso, and from foot to hip each leg, columns."""
         robot, (x, z) = self.robot, 2 * self.numbers.links[0, 1:3] / self.numbers.links[0, 0]
-        found = {"hip": robot.hip, "top": robot.hip + rotated(ca.SX([x, z]), robot.q[SLIDES])}
+        points = {"hip": robot.hip, "top": robot.hip + rotated(ca.SX([x, z]), robot.q[SLIDES])}
         for name, foot, link in zip(("stance", "swing"), robot.feet, robot.structure.feet, strict=True):
             chain = [foot]
             while link:
                 chain.append(robot.links[link].origin)
                 link = robot.structure.parents[link - 1]
-            found[name] = ca.horzcat(*chain, robot.q[:SLIDES]) - robot.feet[0]
-        held = {key: self._held(value) for key, value in found.items()}
+            points[name] = ca.horzcat(*chain, robot.q[:SLIDES]) - robot.feet[0]
+        held = {name: self._held(point) for name, point in points.items()}
         return NumpyFunction.of("points", {"q": self.q}, held, ("stance", "swing"))
 
     def draw(self, x: Array, p: Mapping[str, float]) -> list[Shape]:

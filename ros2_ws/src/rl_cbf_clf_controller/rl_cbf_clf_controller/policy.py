@@ -1,7 +1,7 @@
 """Policies on the control path: what gives alpha and beta of every quantity at a tick. No torch here.
 
 The actor is the paper's network, 400-300 with ReLU and tanh outputs in [-1, 1], times fixed action scales. With the
-structured form (the default), the CLF's outputs are a 4x5 matrix [D2 | D1] contracted with LgV, as the paper's own
+structured form (the default), the CLF's outputs are a 4x5 matrix [D2 | D1] contracted with LgV, as the paper's
 expression Delta^v = 2 eta' P G Delta = LgV Delta [eq70] says:
 
     alpha_V = scale_alpha LgV D2,    beta_V = scale_beta LgV D1
@@ -9,7 +9,7 @@ expression Delta^v = 2 eta' P G Delta = LgV Delta [eq70] says:
 Plain, they are 5 outputs times (|LgV| + 1). Either way the action is the paper's (25 values on stones).
 
 A policy fits the controller of the problem it was trained for. One for stones fits flat ground too: it is shown the
-stone in whose middle the gait's own step ends, and of its estimates those of V and of the outputs are taken, which are
+stone in whose middle the gait's step ends, and of its estimates those of V and of the outputs are taken, which are
 all that a controller without barriers and force rows has a use for.
 """
 
@@ -63,11 +63,10 @@ class LearnedPolicy(Policy):
         """The estimates at `observation` (m,), raw, see `Problem.observation`, and `LgV` (4,)."""
 
     def act_of_many(self, observations: Array, LgV: Array) -> Estimates:
-        """The same for N robots, a row each."""
-        return Estimates.of_many([self.act(*each) for each in zip(observations, LgV, strict=True)])
+        """The same for N robots, in rows."""
+        return Estimates.of_many(list(map(self.act, observations, LgV)))
 
     def estimate(self, scene: Scene, before: Estimates) -> Estimates:
-        """At a tick."""
         return self.act(scene.observation, scene.LgV)
 
 
@@ -80,7 +79,6 @@ class ZeroPolicy(LearnedPolicy):
         self._sizes = len(problem.quantities), problem.inputs
 
     def act(self, observation: Array, LgV: Array) -> Estimates:
-        """Zeros, wherever the robot is."""
         return Estimates.zero(*self._sizes)
 
 
@@ -106,27 +104,26 @@ class ActorPolicy(LearnedPolicy):
         Raises:
             ValueError: it reads the step length of a gait library, and there is none.
         """
-        return self._known(self._found(self.estimates, observation, LgV))
+        return self._estimates_of(self._values(self.estimates, observation, LgV))
 
     def act_of_many(self, observations: Array, LgV: Array) -> Estimates:
         """The same for N robots, to the bit."""
-        return self._known(self.values_of_many(observations, LgV))
+        return self._estimates_of(self.values_of_many(observations, LgV))
 
     def values_of_many(self, observations: Array, LgV: Array) -> Values:
         """The same as rows: alpha, beta, and of a structured policy the output error."""
-        return self._found(self._of_many, observations, LgV)
+        return self._values(self._of_many, observations, LgV)
 
-    def _known(self, found: Values) -> Estimates:
-        return Estimates(found.alpha, found.beta, found.output_error if self.is_structured else None)
+    def _estimates_of(self, values: Values) -> Estimates:
+        return Estimates(values.alpha, values.beta, values.output_error if self.is_structured else None)
 
-    def _found(self, estimates: Any, observation: Array, LgV: Array) -> Values:
+    def _values(self, estimates: Any, observation: Array, LgV: Array) -> Values:
         size = self.center.size
         if observation.shape[-1] < size:
             read = self.file.metadata.observation[-1]
             raise ValueError(f"policy {self.version} reads {read}: expected a gait library")
         outputs = self.actor((observation[..., :size] - self.center) * self.inverse_scale)
-        found: Values = estimates(outputs, LgV, *self.scales)
-        return found
+        return estimates(outputs, LgV, *self.scales)
 
 
 def estimate_function(n: int, m: int, structured: bool, has_clf: bool) -> NumpyFunction:
@@ -135,7 +132,7 @@ def estimate_function(n: int, m: int, structured: bool, has_clf: bool) -> NumpyF
     Structured outputs are (m (m + 1) + (m + 1) (n - 1),): [D2 | D1] row by row, then the alphas of the other
     quantities, then their betas. Plain ones are ((m + 1) n,): alphas, then betas.
     """
-    LgV, alpha_scale, beta_scale = (ca.SX.sym(*each) for each in (("LgV", m), ("alpha_scale", n), ("beta_scale", n)))
+    LgV, alpha_scale, beta_scale = ca.SX.sym("LgV", m), ca.SX.sym("alpha_scale", n), ca.SX.sym("beta_scale", n)
     outputs = ca.SX.sym("outputs", (m + 1) * (m + n - 1) if structured else (m + 1) * n)
     output_error = ca.SX.zeros(m, m + 1)
     if structured:
@@ -149,9 +146,9 @@ def estimate_function(n: int, m: int, structured: bool, has_clf: bool) -> NumpyF
         if has_clf:
             size = ca.vertcat(ca.norm_2(LgV) + 1, ca.SX.ones(n - 1))
             alpha, beta = ca.diag(size) @ alpha, size * beta
-    found = {"alpha": ca.diag(alpha_scale) @ alpha, "beta": beta_scale * beta, "output_error": output_error}
+    estimates = {"alpha": ca.diag(alpha_scale) @ alpha, "beta": beta_scale * beta, "output_error": output_error}
     inputs = {"outputs": outputs, "LgV": LgV, "alpha_scale": alpha_scale, "beta_scale": beta_scale}
-    return NumpyFunction.of("estimates", inputs, found, matrices=("alpha", "output_error"))
+    return NumpyFunction.of("estimates", inputs, estimates, matrices=("alpha", "output_error"))
 
 
 def row_by_row(values: ca.SX, columns: int) -> ca.SX:

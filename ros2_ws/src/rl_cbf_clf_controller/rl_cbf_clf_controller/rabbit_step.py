@@ -21,7 +21,7 @@ from rl_cbf_clf_controller.least_squares import within
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.robot_numbers import Feet, RobotNumbers
 from rl_cbf_clf_controller.state_prediction import prediction_function
-from rl_cbf_clf_controller.step import DQ, STONE, Q, StepFunctions, call, made, ordered, symbols
+from rl_cbf_clf_controller.step import DQ, STONE, Q, StepFunctions, call, ordered, row_function, symbols
 from rl_cbf_clf_controller.step_begin import kept_at_first, step_functions
 from rl_cbf_clf_controller.step_paths import GaitExpressions, Shape, gait_row
 from rl_cbf_clf_controller.tick_functions import tick_functions
@@ -62,7 +62,7 @@ def stand_function(walking: Walking, on_stones: bool, tick_seconds: float) -> Nu
         is_stone = ca.logic_and(is_stone, ca.logic_and(ca.logic_and(near > 0, near < far), far < FARTHEST_STONE))
         refused = ca.if_else(refused, refused, ca.if_else(is_stone, 0, STONE))
     force = ca.if_else(stance, s["foot_force"][[2, 3, 0, 1]], s["foot_force"])
-    found = {
+    outputs = {
         "refused": refused,
         "stance": stance,
         "index": s["index"] + swaps,
@@ -76,7 +76,7 @@ def stand_function(walking: Walking, on_stones: bool, tick_seconds: float) -> Nu
         "x": ca.vertcat(ordered(q, SWAP_STATE, stance), ordered(s["dq"], SWAP_STATE, stance)),
         "force": force,
     }
-    return NumpyFunction.of("stand", s, found)
+    return NumpyFunction.of("stand", s, outputs)
 
 
 def tracking_function(robot: RobotNumbers, tracks: bool) -> NumpyFunction:
@@ -88,15 +88,15 @@ def tracking_function(robot: RobotNumbers, tracks: bool) -> NumpyFunction:
     s = symbols(sizes | {"rate_error": 1})
     carries = s["force"][1] > CARRIED
     feet = Feet(robot)
-    stand = feet.function.function(s["x"][:DOF], *(ca.DM(np.ravel(each)) for each in feet.lengths))
+    stand = feet.function.function(s["x"][:DOF], *(ca.DM(np.ravel(lengths)) for lengths in feet.lengths))
     place = stand[feet.function.places["stance"][0]]
     moved = ca.if_else(ca.logic_and(carries, s["carries"]), s["moved"], place - s["place"])
     low, high = CONTRADICTED
     followed = within((high - s["rate_error"]) / (high - low)) * moved
     stone = s["stone"] - ca.vertcat(followed[0], followed[0], followed[1]) if tracks else s["stone"]
-    found = {"moved": moved, "carries": carries} if tracks else {"moved": s["moved"], "carries": s["carries"]}
-    found["stone"] = ca.if_else(is_finite(s["stone"]), stone, s["stone_before"])
-    return NumpyFunction.of("tracking", s, found)
+    outputs = {"moved": moved, "carries": carries} if tracks else {"moved": s["moved"], "carries": s["carries"]}
+    outputs["stone"] = ca.if_else(is_finite(s["stone"]), stone, s["stone_before"])
+    return NumpyFunction.of("tracking", s, outputs)
 
 
 def tune_function() -> NumpyFunction:
@@ -104,16 +104,16 @@ def tune_function() -> NumpyFunction:
     names = "lateness", "disbelief", "eps", "doubt_eps", "torque_change_weight", "stone_margin", "late_margin"
     s = symbols(dict.fromkeys(names, 1))
     late, doubts = s["lateness"], s["disbelief"]
-    found = {
+    outputs = {
         "eps": (1 - doubts) * s["eps"] + doubts * s["doubt_eps"],
         "torque_change_weight": late * s["torque_change_weight"],
         "stone_margin": s["stone_margin"] + late * s["late_margin"],
     }
-    return NumpyFunction.of("tune", s, found)
+    return NumpyFunction.of("tune", s, outputs)
 
 
 class RabbitStep(StepFunctions):
-    """Of one controller of RABBIT; `gaits`: the numbers of its gait or library."""
+    """Of one controller of RABBIT; `gaits`: the numbers of a gait or library."""
 
     def __init__(
         self, walking: Walking, tick: Tick, parameters: ControllerParameters, robot: RobotNumbers, gaits: Gaits
@@ -127,7 +127,7 @@ class RabbitStep(StepFunctions):
         first, begin = step_functions(shape, parameters.speed_regulation)
         self.steps = values_type(places_of(kept_at_first(GaitExpressions(shape), shape)))  # of `steps` in the memory
         self.gaits = gait_row(gaits)
-        self._first = [np.array(each).ravel() for each in first(self.gaits)]
+        self._first = [np.array(output).ravel() for output in first(self.gaits)]
         steps = {"path": begin.numel_out("path"), "phase_scale": 2, "steps": begin.numel_out("steps_after"), "place": 2}
         steps |= {"moved": 2, "carries": 1, "has_begun": 1}
         known = sum(place.stop - place.start for place, _ in self.known.values())
@@ -142,15 +142,9 @@ class RabbitStep(StepFunctions):
         self.compose(SWAP_TORQUE)
 
     def first(self, parameters: ControllerParameters) -> Array:
-        """The memory with which an episode begins."""
         path, phase_scale, steps = self._first
-        values: dict[str, Any] = {
-            "seconds": np.nan,
-            "carries": 1.0,
-            "eps": parameters.eps,
-            "last_tick": NEVER,
-            "left": np.nan,
-        }
+        values: dict[str, Any] = {"seconds": np.nan, "carries": 1.0, "eps": parameters.eps, "last_tick": NEVER}
+        values |= {"left": np.nan}
         values |= {"path": path, "phase_scale": phase_scale, "steps": steps, "torque": no_torque()}
         if self.identifies:
             values["known"] = np.concatenate([np.ravel(value) for value in first_known(self._robot).values()])
@@ -160,26 +154,22 @@ class RabbitStep(StepFunctions):
         return row
 
     def _stand(self) -> NumpyFunction:
-        memory, reading, settings = self._given
+        memory, reading, settings = self._columns
         offsets = memory["known"][self.known["offsets"][0]] if self.known else ca.DM.zeros(2)
         function = stand_function(self._walking, self._on_stones, self._parameters.tick_seconds)
-        return made("stand", self._rows, call(function, {**memory, **settings, **reading, "offsets": offsets}))
+        return row_function("stand", self._rows, call(function, {**memory, **settings, **reading, "offsets": offsets}))
 
     def _see(self, begin: ca.Function, steps: Layout) -> NumpyFunction:
         """`scene`, and in it what is `kept` for the next tick."""
-        p, robot, walking, (memory, reading, settings) = self._parameters, self._robot, self._walking, self._given
+        p, robot, walking, (memory, reading, settings) = self._parameters, self._robot, self._walking, self._columns
         stood_row = ca.MX.sym("stood", self.stand.row.size)
         stood = Layout.of(self.stand).parts(stood_row)
         begun = steps.parts(self._begun(begin, steps, stood))
-        places = {
-            "x": stood["x"],
-            "force": stood["force"],
-            "stone": reading["stone"][1:],
-            "stone_before": memory["stone"],
-        }
+        seen_now = {"x": stood["x"], "force": stood["force"], "stone": reading["stone"][1:]}
         was = {name: memory["known"][place] for name, (place, _) in self.known.items()}
-        places["rate_error"] = rate_error(was["errors"], was["differences"]) if was else ca.DM(0)
-        tracked = call(tracking_function(robot, p.stone_tracking and self._on_stones), {**begun, **places})
+        seen_now["rate_error"] = rate_error(was["errors"], was["differences"]) if was else ca.DM(0)
+        tracking = tracking_function(robot, p.stone_tracking and self._on_stones)
+        tracked = call(tracking, {**begun, **seen_now, "stone_before": memory["stone"]})
         if not self._on_stones:
             tracked["stone"] = memory["stone"]
         gains, follows = {name: settings[name] for name in GAINS}, stood["last_tick"] == reading["tick"] - 1
@@ -191,11 +181,11 @@ class RabbitStep(StepFunctions):
             now = {"x": x, "robot": was["numbers"], "torque": stood["torque"], "lag": was["used"][LATE_TORQUE]}
             is_known = ca.fabs(ca.sum1(stood["torque"])) < ca.inf
             x = ca.if_else(is_known, call(prediction_function(window(p.tick_seconds)), now)["x"], x)
-        given = {**gains, "phase_scale": begun["phase_scale"], "step_length": begun["steps"][0]}
-        given |= dict(zip(("l_min", "l_max", "height"), ca.vertsplit(tracked["stone"]), strict=True))
-        given |= {"force": stood["force"][:2], "held": stood["held_now"]}
-        given |= {name: ca.DM.zeros(JOINTS) for name in walking.outputs.parameters if name not in given}  # of the path
-        row = ca.vertcat(ca.DM(robot.row), *(given[name] for name in walking.system.named if name in given))
+        named = {**gains, "phase_scale": begun["phase_scale"], "step_length": begun["steps"][0]}
+        named |= dict(zip(("l_min", "l_max", "height"), ca.vertsplit(tracked["stone"]), strict=True))
+        named |= {"force": stood["force"][:2], "held": stood["held_now"]}
+        named |= {name: ca.DM.zeros(JOINTS) for name in walking.outputs.parameters if name not in named}  # of the path
+        row = ca.vertcat(ca.DM(robot.row), *(named[name] for name in walking.system.named if name in named))
         before = ca.if_else(follows, memory["left"], ca.DM.nan(memory["left"].numel()))
         seen_row = self.seen.function(x, row, begun["path"], stood["torque"], before)
         seen = Layout.of(self.seen).parts(seen_row)
@@ -208,24 +198,24 @@ class RabbitStep(StepFunctions):
         if self._after:
             lengths = {"joints": ca.DM(robot.joints.ravel()), "feet": ca.DM(robot.feet.ravel())}
             now = {**{name: stood[name] for name in ("x", "force", "torque")}, **lengths, "tick": reading["tick"]}
-            found = call(self._after, now | {"known": memory["known"]})
-            kept["known"] = ca.vertcat(*found.values())
-            other = ca.vertcat(found["numbers"], seen["p"][robot.row.size :])
-            scene["adapted"] = model_error(self._tick.terms).function(x, seen["p"], other)
-            scene["identified"] = ca.vertcat(found["used"], found["offsets"], found["doubts"][0])
+            known = call(self._after, now | {"known": memory["known"]})
+            kept["known"] = ca.vertcat(*known.values())
+            identified = ca.vertcat(known["numbers"], seen["p"][robot.row.size :])
+            scene["adapted"] = model_error(self._tick.terms).function(x, seen["p"], identified)
+            scene["identified"] = ca.vertcat(known["used"], known["offsets"], known["doubts"][0])
         self.kept = Layout({name: self.memory.sizes[name] for name in self.memory.sizes if name in kept})
         scene["kept"] = self.kept.joined(kept)
         return self.seeing(stood_row, scene)
 
     def _begun(self, begin: ca.Function, steps: Layout, stood: Mapping[str, ca.MX]) -> ca.MX:
         """What is known of this step: of the memory, or, where a step begins, by `begin`."""
-        memory, reading, settings = self._given
+        memory, reading, settings = self._columns
         robot = {name: ca.DM(getattr(self._robot, name).ravel()) for name in ("joints", "feet")}
-        given = {**settings, **robot, "x": stood["x"], "seconds": stood["seconds"], "stone": reading["stone"][1:]}
-        given |= {"steps": memory["steps"], "aim": settings["stone_aim"], "gaits": self._gaits}
+        inputs = {**settings, **robot, "x": stood["x"], "seconds": stood["seconds"], "stone": reading["stone"][1:]}
+        inputs |= {"steps": memory["steps"], "aim": settings["stone_aim"], "gaits": self._gaits}
         if not self._on_stones:
-            given["stone"] = ca.DM.nan(3)
-        arguments = [given[name] for name in begin.name_in()]
+            inputs["stone"] = ca.DM.nan(3)
+        arguments = [inputs[name] for name in begin.name_in()]
         symbols = [ca.MX.sym(name, value.numel()) for name, value in zip(begin.name_in(), arguments, strict=True)]
         before = ca.MX.sym("before", steps.size)
         path, phase_scale, after, place = begin(*symbols)
@@ -234,5 +224,4 @@ class RabbitStep(StepFunctions):
         begins = ca.Function("begins", [*symbols, before], [steps.joined(new)])
         goes_on = ca.Function("goes_on", [*symbols, before], [ca.MX(before)])
         either = ca.Function.if_else("begun", begins, goes_on)
-        row: ca.MX = either(stood["begins"], *arguments, steps.joined(memory))
-        return row
+        return either(stood["begins"], *arguments, steps.joined(memory))

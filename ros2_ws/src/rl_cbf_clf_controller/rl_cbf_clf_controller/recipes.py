@@ -36,9 +36,9 @@ def stones(w: Walking, p: Parameters) -> list[Constrained]:
     g, stone = w.gains, w.stone
     clf = Clf(w.outputs.y, g["eps"], (p.kp, p.kd), g["slack_weight"], in_mu=p.clf_row == "normalised")
     edges = stone.l_min + g["stone_margin"], stone.l_max - g["stone_margin"]
-    found = stone_barriers(w.robot.swing, *edges, stone.height, g["R1"], g["R2"])
+    both = stone_barriers(w.robot.swing, *edges, stone.height, g["R1"], g["R2"])
     poles, weight = (g["barrier_pole_1"], g["barrier_pole_2"]), BARRIER_RESCUE_WEIGHT
-    barriers = [Barrier(f"B{i + 1}", B, poles, weight, p.barrier_rows) for i, B in enumerate(found)]
+    barriers = [Barrier(f"B{i}", B, poles, weight, p.barrier_rows) for i, B in enumerate(both, 1)]
     return [clf, *barriers, contact_force(w.robot.force, w.force, rows_of_force(w, p) if p.force_rows else None)]
 
 
@@ -51,10 +51,8 @@ def outputs(w: Walking, p: Parameters) -> list[Constrained]:
 
 def rows_of_force(w: Walking, p: Parameters) -> Callable[[Affine], list[Rows]]:
     """With the margin taken off the friction coefficient."""
-    g, is_literal = w.gains, p.cone == "literal"
-    coeff = g["friction_coeff"] - g["friction_margin"]
-    limits = partial(force_rows, least=g["min_normal_force"], coeff=coeff)
-    return partial(limits, weight=FORCE_RESCUE_WEIGHT, is_literal=is_literal)
+    least, coeff = w.gains["min_normal_force"], w.gains["friction_coeff"] - w.gains["friction_margin"]
+    return partial(force_rows, least=least, coeff=coeff, weight=FORCE_RESCUE_WEIGHT, is_literal=p.cone == "literal")
 
 
 def res_clf(w: Walking, p: Parameters) -> ResClf:
@@ -114,7 +112,7 @@ def make_tick(w: Walking, p: Parameters, further: Sequence[Constrained] = ()) ->
 
 def barriers_of(quantities: Sequence[Constrained]) -> dict[str, ca.SX]:
     """Those that are barriers, by name."""
-    return {each.name: each.B for each in quantities if isinstance(each, Barrier)}
+    return {barrier.name: barrier.B for barrier in quantities if isinstance(barrier, Barrier)}
 
 
 def unestimated(further: Constrained) -> Constraint:
@@ -152,7 +150,7 @@ def pd_centred(
     """min |E mu + Delta - v_PD|^2 + w_1 |mu|^2 + w_2 |change(mu)|^2: outputs y (m,), rates dy, follow a PD law.
 
     y'' = E mu + Delta is the present estimate of the output dynamics: E = I + Delta_2, Delta = Delta_1 [delta_IO2]. The
-    PD law is that of the CLF's own Riccati equation (Q = I):  v_PD = -y / eps^2 - sqrt(3) dy / eps. mu' mu asks for the
+    PD law is that of the CLF's Riccati equation (Q = I):  v_PD = -y / eps^2 - sqrt(3) dy / eps. mu' mu asks for the
     smallest mu, whatever it does to the outputs: where the model is wrong and eta near 0, the smallest mu lets the
     error Delta_1 drive the outputs away until the CLF row holds them, and the torque jumps from tick to tick.
 

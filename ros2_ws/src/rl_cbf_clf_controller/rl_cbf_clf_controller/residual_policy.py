@@ -80,7 +80,6 @@ class ResidualPolicy(Policy):
         return centred(memory.said, before.beta.shape[1])
 
     def reset(self) -> None:
-        """Begin an episode."""
         self._memory = Memory.of(1)
 
 
@@ -93,7 +92,6 @@ class ResidualActor(ResidualPolicy):
         self._actor = Actor(file.arrays)
 
     def says(self, reads: Array) -> Array:
-        """See `ResidualPolicy`."""
         return self._actor(reads)
 
 
@@ -112,9 +110,9 @@ def observe(memory: Memory, scene: Scene, others: Estimates, tick_seconds: float
     seen, n, tick = scene.seen, len(scene.x), scene.tick
     y, dy, error = seen.eta[:, :JOINTS], seen.eta[:, JOINTS:], others.output_error
     held = np.nan_to_num((seen.outputs_a * scene.torque[:, None, :]).sum(axis=2) + seen.outputs_b)
-    expected = (
-        held if error is None else held + (error[:, :, :JOINTS] * held[:, None, :]).sum(axis=2) + error[:, :, JOINTS]
-    )
+    expected = held
+    if error is not None:
+        expected = held + (error[:, :, :JOINTS] * held[:, None, :]).sum(axis=2) + error[:, :, JOINTS]
     goes_on = (memory.tick == tick - 1)[:, None]
     same_step = goes_on & (memory.stance == scene.stance)[:, None] & np.isfinite(scene.torque)
     missed = np.where(same_step, (dy - memory.dy) / tick_seconds - expected, 0.0)

@@ -62,8 +62,8 @@ class Feet:
         robot = PinnedRobot(numbers.structure)
         self.lengths = numbers.joints, numbers.feet
         inputs = {"q": robot.q, "joints": robot.parameters["joints"], "feet": robot.parameters["feet"]}
-        found = {"stance": robot.feet[0], "swing": robot.swing, "jacobian": ca.jacobian(robot.swing, robot.q)}
-        self.function = NumpyFunction.of("feet", inputs, found)
+        feet = {"stance": robot.feet[0], "swing": robot.swing, "jacobian": ca.jacobian(robot.swing, robot.q)}
+        self.function = NumpyFunction.of("feet", inputs, feet)
 
     def __call__(self, q_s: Array) -> Values:
         """At coordinates in stance/swing order."""

@@ -60,12 +60,12 @@ class Scene:
 
     def error_of(self, robot: Array) -> Estimates:
         """By how much the quantities of another `robot`, its numbers as a row, differ from the nominal ones."""
-        other = self.p.copy()
-        other[: robot.size] = robot
-        found = self.model_error(self.x, self.p, other)
-        return Estimates(found.alpha, found.beta, found.output_error)
+        true = self.p.copy()
+        true[: robot.size] = robot
+        error = self.model_error(self.x, self.p, true)
+        return Estimates(error.alpha, error.beta, error.output_error)
 
 
 def is_finite(values: Array) -> bool:
-    """Whether all of a few numbers are, and their sum; numpy's own way takes ten times as long."""
+    """Whether all of a few numbers are, and their sum; numpy's way takes ten times as long."""
     return math.isfinite(sum(values.tolist()))

@@ -49,8 +49,8 @@ def level(least: ca.SX, most: ca.SX) -> dict[str, ca.SX]:
     degrees, the latest first. `integral`: I, degrees. NaN where there is none yet.
     """
     slope, nothing = clipped(ca.SX(0), least, most), ca.SX.nan()
-    found = ca.vertcat(0, ca.repmat(nothing, REMEMBERED - 1))
-    return {"slopes": ca.repmat(slope, len(PER_SLOPE)), "speed": nothing, "found": found, "integral": slope}
+    gammas = ca.vertcat(0, ca.repmat(nothing, REMEMBERED - 1))
+    return {"slopes": ca.repmat(slope, len(PER_SLOPE)), "speed": nothing, "found": gammas, "integral": slope}
 
 
 def regulated(
@@ -64,9 +64,9 @@ def regulated(
         aim, change, new = integral + INTEGRAL_K_P * missing, INTEGRAL_MOST, {"integral": integral}
     else:
         unexplained = RETAINED * before + ca.dot(ca.DM(PER_SLOPE), slopes) - speed
-        found = ca.vertcat(unexplained / sum(PER_SLOPE), kept["found"][:-1])
-        found = ca.if_else(is_bounded(before), found, kept["found"])
-        aim, change, new = clipped(median(found), least, most) + K_P * missing, MOST, {"speed": speed, "found": found}
+        gammas = ca.vertcat(unexplained / sum(PER_SLOPE), kept["found"][:-1])
+        gammas = ca.if_else(is_bounded(before), gammas, kept["found"])
+        aim, change, new = clipped(median(gammas), least, most) + K_P * missing, MOST, {"speed": speed, "found": gammas}
     slope = clipped(clipped(aim, least, most), slopes[0] - change, slopes[0] + change)
     return {**kept, **new, "slopes": ca.vertcat(slope, slopes[:-1])}
 
@@ -79,12 +79,12 @@ def clipped(value: ca.SX, least: ca.SX | float, most: ca.SX | float) -> ca.SX:
 def median(values: ca.SX) -> ca.SX:
     """Of those `values` (n,) that are not NaN: at least one."""
     n = values.numel()
-    known = [ca.fabs(each) <= ca.inf for each in ca.vertsplit(values)]
-    ordered = [ca.if_else(is_known, each, ca.inf) for is_known, each in zip(known, ca.vertsplit(values), strict=True)]
+    known = [ca.fabs(value) <= ca.inf for value in ca.vertsplit(values)]
+    ordered = [ca.if_else(is_known, value, ca.inf) for is_known, value in zip(known, ca.vertsplit(values), strict=True)]
     for round_ in range(n):  # odd-even transposition sort
         for i in range(round_ % 2, n - 1, 2):
             ordered[i : i + 2] = ca.fmin(*ordered[i : i + 2]), ca.fmax(*ordered[i : i + 2])
-    count, found = ca.sum1(ca.vertcat(*known)), ca.SX(0)
+    count, middle = ca.sum1(ca.vertcat(*known)), ca.SX(0)
     for k in range(1, n + 1):
-        found += ca.if_else(count == k, (ordered[(k - 1) // 2] + ordered[k // 2]) / 2, 0)
-    return found
+        middle += ca.if_else(count == k, (ordered[(k - 1) // 2] + ordered[k // 2]) / 2, 0)
+    return middle

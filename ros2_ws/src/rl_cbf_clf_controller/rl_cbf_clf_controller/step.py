@@ -33,7 +33,7 @@ def call(function: NumpyFunction, values: Mapping[str, Any]) -> dict[str, ca.MX]
     return {name: row[place] for name, (place, _) in function.places.items()}
 
 
-def made(name: str, inputs: Mapping[str, ca.MX], outputs: Mapping[str, ca.MX]) -> NumpyFunction:
+def row_function(name: str, inputs: Mapping[str, ca.MX], outputs: Mapping[str, ca.MX]) -> NumpyFunction:
     """A function of columns that gives a row."""
     layout = Layout({name: value.numel() for name, value in outputs.items()})
     function = ca.Function(name, [*inputs.values()], [layout.joined(outputs)], [*inputs], ["values"])
@@ -68,11 +68,11 @@ def act_function(m: int, swapped: Any) -> NumpyFunction:
     sound = ca.logic_and(is_finite(wanted), ca.logic_and(is_finite(torque), is_finite(mu)))
     fault = ca.if_else(sound, ca.if_else(solved, 0, UNSOLVED), ca.if_else(solved, NOT_FINITE, UNSOLVED))
     fault = ca.if_else(s["touchdowns"] != s["index"], DISAGREEMENT, fault)
-    torque, mu, mu_qp = (ca.if_else(sound, each, 0) for each in (torque, mu, mu_qp))
-    found = {"stance_torque": torque, "command": ordered(torque, swapped, s["stance"]), "mu": mu, "mu_qp": mu_qp}
-    found |= {"saturated": ca.logic_and(saturated, sound), "solved": solved, "fault": fault, "wanted": wanted}
-    found["is_sound"] = ca.logic_not(ca.logic_or(s["refused"], fault))
-    return NumpyFunction.of("act", s, found)
+    torque, mu, mu_qp = (ca.if_else(sound, value, 0) for value in (torque, mu, mu_qp))
+    outputs = {"stance_torque": torque, "command": ordered(torque, swapped, s["stance"]), "mu": mu, "mu_qp": mu_qp}
+    outputs |= {"saturated": ca.logic_and(saturated, sound), "solved": solved, "fault": fault, "wanted": wanted}
+    outputs["is_sound"] = ca.logic_not(ca.logic_or(s["refused"], fault))
+    return NumpyFunction.of("act", s, outputs)
 
 
 class StepFunctions:
@@ -104,11 +104,11 @@ class StepFunctions:
         rows = {"memory": memory.size, "reading": reading.size, "settings": settings.size}
         self._rows = {name: ca.MX.sym(name, size) for name, size in rows.items()}
         self._gaits = ca.MX.sym("gaits", self.gaits.size)
-        self._given = [getattr(self, name).parts(row) for name, row in self._rows.items()]
+        self._columns = [getattr(self, name).parts(row) for name, row in self._rows.items()]
 
     def seeing(self, stood_row: ca.MX, scene: Mapping[str, Any]) -> NumpyFunction:
         """`see`, of what there was to stand on."""
-        return made("see", {**self._rows, "gaits": self._gaits, "stood": stood_row}, scene)
+        return row_function("see", {**self._rows, "gaits": self._gaits, "stood": stood_row}, scene)
 
     def compose(self, swapped: Any) -> None:
         """Of `stand` and `see` the other functions; `swapped`: the order of inputs for the other leg."""
@@ -118,37 +118,33 @@ class StepFunctions:
     def _decide(self, swapped: Any) -> tuple[NumpyFunction, ...]:
         """`data` of the QP; `finish`, with an answer to it; `decide`, with DAQP's."""
         self.scene = Layout.of(self.see)
-        _, reading, settings = self._given
+        _, reading, settings = self._columns
         scene_row, tolerance = ca.MX.sym("scene", self.scene.size), ca.MX.sym("tolerance")
         scene = self.scene.parts(scene_row)
         estimates = ca.MX.sym("estimates", self.estimates.size)
-        prepared = Layout.of(self.seen).parts(scene["seen"])["prepared"]
+        seen, kept = Layout.of(self.seen).parts(scene["seen"]), self.kept.parts(scene["kept"])
         known, compensation = self.estimates.parts(estimates), dict[str, ca.MX]()
         if self.compensation:
-            seen, kept = Layout.of(self.seen).parts(scene["seen"]), self.kept.parts(scene["kept"])
             compensation = call(self.compensation, {**seen, **kept, **known, "torque": scene["torque"]})
             known["beta"] += compensation["compensation"]
-        rows = call(self.programme, {**known, "prepared": prepared}) | compensation
-        data = made("data", {"scene": scene_row, "estimates": estimates}, rows)
-        data_row, (x, y) = (
-            ca.MX.sym("data", data.row.size),
-            (ca.MX.sym(n, self.answer.function.numel_in(n)) for n in "xy"),
-        )
+        programme = call(self.programme, {**known, "prepared": seen["prepared"]}) | compensation
+        data = row_function("data", {"scene": scene_row, "estimates": estimates}, programme)
+        data_row = ca.MX.sym("data", data.row.size)
+        x, y = (ca.MX.sym(name, self.answer.function.numel_in(name)) for name in "xy")
         compensation = {name: data_row[data.places[name][0]] for name in compensation}
         answer_row = self.answer.function(data_row[: self.programme.row.size], x, y)
         answer = Layout.of(self.answer).parts(answer_row)
         acts = act_function(self.reading.sizes["noise"], swapped)
         acted = call(acts, {**settings, **reading, **scene, **answer, "tolerance": tolerance})
-        memory = {**self.kept.parts(scene["kept"]), "torque": acted["stance_torque"], "held": acted["command"]}
-        memory |= compensation
+        memory = {**kept, "torque": acted["stance_torque"], "held": acted["command"], **compensation}
         report = {"memory": self.memory.joined(memory), **acted, "answer": answer_row}
         report |= {name: compensation[name] for name in compensation if name != "adaptive"}
-        given = {"reading": self._rows["reading"], "settings": self._rows["settings"], "scene": scene_row}
-        finish = made("finish", {**given, "data": data_row, "x": x, "y": y, "tolerance": tolerance}, report)
-        programme = data.function(scene_row, estimates)
-        solution = by_daqp(programme, self.programme.places)
-        inputs = {**given, "estimates": estimates}
-        row = finish.function(*given.values(), programme, *solution, TOLERANCE)
+        rows = {"reading": self._rows["reading"], "settings": self._rows["settings"], "scene": scene_row}
+        finish = row_function("finish", {**rows, "data": data_row, "x": x, "y": y, "tolerance": tolerance}, report)
+        qp = data.function(scene_row, estimates)
+        solution = by_daqp(qp, self.programme.places)
+        inputs = {**rows, "estimates": estimates}
+        row = finish.function(*rows.values(), qp, *solution, TOLERANCE)
         decide = NumpyFunction(ca.Function("decide", [*inputs.values()], [row], [*inputs], ["values"]), finish.places)
         return data, finish, decide
 

@@ -6,7 +6,7 @@
 `first` is of an episode. A step of a library goes from length A into length B: A is where the feet stand at the
 touchdown, B what the previewed stone asks for. With gaits for several slopes the speed is regulated by the slope that a
 step is made for (`speed_regulation.py`). `step_paths.py` has the path from A into B on that slope, `step_landing.py`
-how it ends on its stone, and goes on where there is no ground. A single gait's path is its own in every step.
+how it ends on its stone, and goes on where there is no ground. A single gait's path is the same in every step.
 
 The touchdown leaves the joints beside the path, at y_0 and y_0'. So that the step begins without error, the desired
 outputs are
@@ -70,24 +70,24 @@ def step_functions(shape: Shape, regulation: str = "learned") -> tuple[ca.Functi
     gaits, now = GaitExpressions(shape), Touchdown()
     row, start = packed(gaits.symbols), kept_at_first(gaits, shape)
     path = gaits.path(gaits.start_length, gaits.start_length, start["slopes"][0])
-    found = {"path": path.row(), "phase_scale": path.scale, "steps_after": packed(start)}
-    first = ca.Function("first", [row], [*found.values()], ["gaits"], [*found], {"cse": True})
+    outputs = {"path": path.row(), "phase_scale": path.scale, "steps_after": packed(start)}
+    first = ca.Function("first", [row], [*outputs.values()], ["gaits"], [*outputs], {"cse": True})
     kept = {name: ca.SX.sym(name, *value.shape) for name, value in start.items()}
     inputs = {"x": now.x, "stone": now.stone, "seconds": now.seconds, "steps": packed(kept), "gaits": row}
     inputs |= {"aim": now.aim, "joints": row_major(now.legs.joints), "feet": row_major(now.legs.feet)}
     inputs |= {"slope_change": now.slope_change}
     if shape.is_single:
-        found["steps_after"] = inputs["steps"]
+        outputs["steps_after"] = inputs["steps"]
     else:
         after = chosen(kept, gaits, now, regulation if shape.slopes > 1 else None)
         path, down, faded = gaits.path(now.taken, after["wanted"], after["slopes"][0]), None, FADED
         if shape.slopes > 1:
             path = landing_at(path, ca.if_else(now.sees, now.stone[2] + HIGHER, 0), now.legs)
             down, faded = descent(path, now.legs), FADED_ON_SLOPES
-        found = {"path": path.row(*corrected(path, now.x, faded), down), "phase_scale": path.scale}
-        found["steps_after"] = packed(after)
-    found["place"] = now.legs.stance(now.x[:DOF])
-    begin = ca.Function("begin", [*inputs.values()], [*found.values()], [*inputs], [*found], {"cse": True})
+        outputs = {"path": path.row(*corrected(path, now.x, faded), down), "phase_scale": path.scale}
+        outputs["steps_after"] = packed(after)
+    outputs["place"] = now.legs.stance(now.x[:DOF])
+    begin = ca.Function("begin", [*inputs.values()], [*outputs.values()], [*inputs], [*outputs], {"cse": True})
     return first, begin
 
 

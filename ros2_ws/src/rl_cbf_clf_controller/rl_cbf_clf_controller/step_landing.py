@@ -48,8 +48,7 @@ class Legs:
         return self._at(q, knee - hip, self._robot.feet[leg] - knee)
 
     def _at(self, q: ca.SX, *expressions: ca.SX) -> list[ca.SX]:
-        found: list[ca.SX] = ca.substitute(list(expressions), [self._robot.q], [q])
-        return found
+        return ca.substitute(list(expressions), [self._robot.q], [q])
 
 
 def landing_at(path: PathExpressions, height: ca.SX, legs: Legs) -> PathExpressions:

@@ -62,10 +62,10 @@ class PathExpressions:
     def row(self, correction: ca.SX | None = None, span: ca.SX | None = None, descent: ca.SX | None = None) -> ca.SX:
         """In the order of `path_symbols`; the `correction` in powers (m, CORRECTION_POWERS)."""
         m = self.coeffs.shape[0]
-        own = {"powers": self.powers, "correction": ca.SX.zeros(m, CORRECTION_POWERS)}
-        own |= {"correction_span": ca.SX([0, 1]), "descent": ca.SX.zeros(m)}
-        given = {"correction": correction, "correction_span": span, "descent": descent}
-        return packed(own | {name: value for name, value in given.items() if value is not None})
+        numbers = {"powers": self.powers, "correction": ca.SX.zeros(m, CORRECTION_POWERS)}
+        numbers |= {"correction_span": ca.SX([0, 1]), "descent": ca.SX.zeros(m)}
+        changed = {"correction": correction, "correction_span": span, "descent": descent}
+        return packed(numbers | {name: value for name, value in changed.items() if value is not None})
 
 
 @dataclass(frozen=True)
@@ -117,8 +117,8 @@ class GaitExpressions:
         """From a step of `taken` into one of `wanted`, m, both for ground of `slope`, degrees."""
         first, last = self._at(taken, slope), self._at(wanted, slope)
         half, shape = self._points // 2, (self._points, JOINTS)
-        one, other = (ca.reshape(each[: JOINTS * self._points], *shape).T for each in (first, last))
-        return PathExpressions(ca.horzcat(one[:, :half], other[:, half:]), first[-3], last[-2])
+        begins, ends = (ca.reshape(numbers[: JOINTS * self._points], *shape).T for numbers in (first, last))
+        return PathExpressions(ca.horzcat(begins[:, :half], ends[:, half:]), first[-3], last[-2])
 
     def start_rate(self, length: ca.SX, slope: ca.SX) -> ca.SX:
         """Of the phase angle after the impact of that periodic step, rad/s."""

@@ -10,19 +10,19 @@ from rl_cbf_clf_controller.step import StepFunctions
 
 
 class Bound:
-    """A function of rows, bound to the arrays that it reads: each call computes `row` anew, (N, size)."""
+    """A function of rows, bound to the arrays that it reads: a call computes `row` anew, (N, size)."""
 
-    def __init__(self, function: NumpyFunction, *given: Array, row: Array | None = None) -> None:
-        """`row`: where the outputs go, if not into an array of its own."""
-        self._function, self._given = function, given
-        self.row = np.zeros((len(given[0]), function.row.size)) if row is None else row
+    def __init__(self, function: NumpyFunction, *arrays: Array, row: Array | None = None) -> None:
+        """`row`: where the outputs go, if not into a new array."""
+        self._function, self._arrays = function, arrays
+        self.row = np.zeros((len(arrays[0]), function.row.size)) if row is None else row
         self._fastest: Any = None  # bound at its first call
 
     @one_at_a_time
     def _bind(self) -> None:
         self._fastest, n = self._function.fastest, len(self.row)
         self._buffer, self._evaluate = (self._fastest if n == 1 else self._fastest.map(n)).buffer()
-        for i, array in enumerate(self._given):
+        for i, array in enumerate(self._arrays):
             self._buffer.set_arg(i, array.reshape(-1).data)
         self._buffer.set_res(0, self.row.reshape(-1).data)
 
@@ -37,15 +37,14 @@ class Bound:
 class StepRows:
     """Of `n` robots. One object serves one thread."""
 
-    def __init__(self, functions: StepFunctions, first: Array, n: int) -> None:
-        f = functions
+    def __init__(self, f: StepFunctions, first: Array, n: int) -> None:
         self.memory, self.reading = np.tile(first, (n, 1)), np.zeros((n, f.reading.size))
         self.settings, gaits = np.zeros((n, f.settings.size)), np.tile(f.gaits, (n, 1))
-        given = self.memory, self.reading, self.settings
-        self.stand = Bound(f.stand, *given)
-        self.see = Bound(f.see, *given, gaits, self.stand.row)
-        self.look = Bound(f.look, *given, gaits, row=self.see.row)
-        self.step = Bound(f.step, *given, gaits)
+        arrays = self.memory, self.reading, self.settings
+        self.stand = Bound(f.stand, *arrays)
+        self.see = Bound(f.see, *arrays, gaits, self.stand.row)
+        self.look = Bound(f.look, *arrays, gaits, row=self.see.row)
+        self.step = Bound(f.step, *arrays, gaits)
         self.estimates = np.zeros((n, f.estimates.size))
         self.decide = Bound(f.decide, self.reading, self.settings, self.see.row, self.estimates)
         self.data = Bound(f.data, self.see.row, self.estimates)

@@ -1,4 +1,4 @@
-"""The controllers of a control task by name: nominal, oracle, a learned policy, or one of the task's own."""
+"""The controllers of a control task by name: nominal, oracle, a learned policy, or one that the task brings."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -49,9 +49,8 @@ class TaskOracle(Policy):
         return self._error(x, p, true)
 
     def estimate(self, scene: Scene, before: Estimates) -> Estimates:
-        """At a tick."""
-        found = self.values_of_many(scene.x[None], scene.p[None])[0]
-        return Estimates(found.alpha, found.beta, found.output_error)
+        errors = self.values_of_many(scene.x[None], scene.p[None])[0]
+        return Estimates(errors.alpha, errors.beta, errors.output_error)
 
 
 class Noise:
@@ -76,7 +75,6 @@ class TaskBatch(BatchController):
         super().__init__(controller, policies)
 
     def reset(self, i: int, seed: int) -> None:
-        """See `BatchController`."""
         super().reset(i, seed)
         self._rngs[i] = Noise(self._task, seed, self._silence.shape[1])
 
@@ -85,7 +83,7 @@ class TaskBatch(BatchController):
 
     def _learned(self, policy: Any, seen: Array) -> Array:
         if isinstance(policy, TaskOracle):
-            x, p = seen[:, self._one.functions.scene.places["x"][0]], self._given["parameters"]
+            x, p = seen[:, self._one.functions.scene.places["x"][0]], self._reading["parameters"]
             return policy.values_of_many(x, p).row
         if isinstance(policy, ZeroPolicy) or (isinstance(policy, ActorPolicy) and policy.is_structured):
             return super()._learned(policy, seen)
@@ -94,9 +92,9 @@ class TaskBatch(BatchController):
         return self._take(estimates)
 
     def _read(self, states: Any) -> None:
-        given, states = self._given, [states] if isinstance(states, RobotState) else states
+        states = [states] if isinstance(states, RobotState) else states
         for name in ("q", "dq", "parameters"):
-            given[name][...] = [getattr(state, name) for state in states]
+            self._reading[name][...] = [getattr(state, name) for state in states]
         self._tick[...] = [state.tick for state in states]
         self._touchdowns[...] = [state.touchdowns for state in states]
 
@@ -105,7 +103,7 @@ class TaskBatch(BatchController):
         if sigma == 0 and self._is_silent:
             return self._silence
         omega = np.array([sigma * rng.at(int(tick)) for rng, tick in zip(self._rngs, self._tick, strict=True)])
-        self._given["noise"][...], self._is_silent = omega, sigma == 0
+        self._reading["noise"][...], self._is_silent = omega, sigma == 0
         return omega
 
     def _why_refused(self, state: RobotState, kind: int) -> str:
@@ -159,8 +157,7 @@ class TaskController(OneRobot):
     @property
     def sigma(self) -> float:
         """Of exploration."""
-        sigma: float = self._parameters.sigma
-        return sigma
+        return self._parameters.sigma
 
     @sigma.setter
     def sigma(self, sigma: float) -> None:
@@ -212,8 +209,8 @@ class TaskController(OneRobot):
 
     def step(self, state: RobotState) -> ControllerOutput:
         """One tick: the input, and all that others read of it; raises whatever a controller of the task raises."""
-        own = self.own.get(self.policy) if isinstance(self.policy, str) else None
-        self._without_qp = self._decided_by(own, state) if own else None
+        controller = self.own.get(self.policy) if isinstance(self.policy, str) else None
+        self._without_qp = self._decided_by(controller, state) if controller else None
         return self._without_qp or super().step(state)
 
     def output(self) -> ControllerOutput:
@@ -230,11 +227,11 @@ class TaskController(OneRobot):
         """Of the last tick."""
         return None if self._without_qp else super().estimates
 
-    def _decided_by(self, own: Any, state: RobotState) -> ControllerOutput:
-        """By a controller of the task's own, which has no QP."""
+    def _decided_by(self, controller: Any, state: RobotState) -> ControllerOutput:
+        """By a controller that the task brings, which has no QP."""
         task, x, p = self.task, x_of(self.task, state), p_of(state)
         seen, limit = task.tick.look(x, p), self.parameters.torque_limit
-        u = np.asarray(own(x, p), dtype=float).reshape(task.system.u.numel()).clip(-limit, limit)
+        u = np.asarray(controller(x, p), dtype=float).reshape(task.system.u.numel()).clip(-limit, limit)
         fault = "" if np.isfinite(u).all() else f"u = {u}: expected finite numbers"
         told: Mapping[str, Any] = {
             **{"tick": state.tick, "step_index": state.touchdowns, "step_time": state.tick * task.seconds},

@@ -13,7 +13,7 @@ from cbf_clf_qp.quantity import Terms
 from cbf_clf_qp.tick import MATRICES
 from rabbit_description.task import ControlTask
 
-from rl_cbf_clf_controller.step import DQ, Q, StepFunctions, call, made, symbols
+from rl_cbf_clf_controller.step import DQ, Q, StepFunctions, call, row_function, symbols
 from rl_cbf_clf_controller.tick_functions import answering, measuring
 
 PARAMETERS = 3  # why a state is refused
@@ -49,7 +49,6 @@ class TaskStep(StepFunctions):
         self.compose(np.arange(m))
 
     def first(self, parameters: TaskParameters) -> np.ndarray:
-        """The memory with which an episode begins."""
         row = np.full(self.memory.size, np.nan)
         row[self.memory.places["last_tick"][0]] = -2  # a tick that none follows
         return row
@@ -61,16 +60,15 @@ class TaskStep(StepFunctions):
         refused = ca.if_else(is_finite(s["parameters"]), 0, PARAMETERS)
         refused = ca.if_else(is_finite(x), refused, ca.if_else(is_finite(s["q"]), DQ, Q))
         function = NumpyFunction.of("state", s, {"refused": refused, "x": x})
-        return made("stand", self._rows, call(function, self._given[1]))
+        return row_function("stand", self._rows, call(function, self._columns[1]))
 
     def _see(self) -> NumpyFunction:
-        memory, reading, _ = self._given
+        memory, reading, _ = self._columns
         stood_row = ca.MX.sym("stood", self.stand.row.size)
         stood, tick, impacts = Layout.of(self.stand).parts(stood_row), reading["tick"], reading["touchdowns"]
         follows = ca.logic_and(memory["last_tick"] == tick - 1, memory["impacts"] == impacts)
-        left, torque = (
-            ca.if_else(follows, memory[name], ca.DM.nan(memory[name].numel())) for name in ("left", "torque")
-        )
+        last = memory["left"], memory["torque"]
+        left, torque = (ca.if_else(follows, value, ca.DM.nan(value.numel())) for value in last)
         seen_row = self.seen.function(stood["x"], reading["parameters"], torque, left)
         seen = Layout.of(self.seen).parts(seen_row)
         kept = {"last_tick": tick, "impacts": impacts, "left": seen["leaves"]}

@@ -40,19 +40,19 @@ def tick_functions(
 def answering(tick: Tick) -> tuple[Answering, ca.SX]:
     """The answer to the QP of `prepared` and the estimates; and what is prepared, of x and p."""
     system, names = tick.system, [*tick.data]
-    parts, given, prepared = parted([*tick.data.values()], ca.vertcat(system.x, system.p))
+    parts, symbols, prepared = parted([*tick.data.values()], ca.vertcat(system.x, system.p))
     estimates = {name: tick.terms.symbols[name] for name in ("alpha", "beta", "output_error")}
     data = dict(zip(names, parts, strict=True))
-    return Answering({"prepared": given, **estimates}, data, tick.layout, tick.answer.solver), prepared
+    return Answering({"prepared": symbols, **estimates}, data, tick.layout, tick.answer.solver), prepared
 
 
 def measuring(terms: Terms, tick_seconds: float = TICK_SECONDS) -> tuple[ca.SX, ca.SX, ca.SX]:
     """What a state leaves to the next one, symbols for what the last one has left, and of these `measured` (n,)."""
     now = terms.system.x, terms.system.p
-    start = tuple(ca.SX.sym("start", each.numel()) for each in now)
-    (found,), before, left = parted([measured(terms, start, now, tick_seconds)], ca.vertcat(*start))
+    start = tuple(ca.SX.sym("start", symbol.numel()) for symbol in now)
+    (means,), before, left = parted([measured(terms, start, now, tick_seconds)], ca.vertcat(*start))
     (leaves,) = ca.substitute([left], start, now)
-    return leaves, before, ca.if_else(is_bounded(before), found, ca.SX.nan())
+    return leaves, before, ca.if_else(is_bounded(before), means, ca.SX.nan())
 
 
 def parted(expressions: Sequence[ca.SX], inputs: ca.SX) -> tuple[list[ca.SX], ca.SX, ca.SX]:

@@ -80,8 +80,7 @@ class OutputExpressions:
     def along_path(self, expressions: list[ca.SX]) -> list[ca.SX]:
         """These, where it is the `path` that says what is desired at this phase."""
         wanted = [self.parameters[f"desired_{k}"] for k in range(3)]
-        found: list[ca.SX] = ca.substitute(expressions, wanted, list(desired(self.phase, self.path)))
-        return found
+        return ca.substitute(expressions, wanted, list(desired(self.phase, self.path)))
 
 
 def desired(phase: ca.SX, path: Mapping[str, ca.SX]) -> Orders:
@@ -182,8 +181,8 @@ class VirtualConstraints:
 
     def desired(self, phase: float) -> tuple[Array, Array, Array]:
         """The controlled angles (m,) at a phase, rad, and two derivatives in the phase."""
-        found = self._desired(np.array([phase]), self.row)
-        return found.desired_0, found.desired_1, found.desired_2
+        orders = self._desired(np.array([phase]), self.row)
+        return orders.desired_0, orders.desired_1, orders.desired_2
 
     def phase(self, q_s: Array) -> float:
         """Of the step, at `q_s` (n,)."""
@@ -191,8 +190,8 @@ class VirtualConstraints:
 
     def evaluate(self, q_s: Array, dq_s: Array) -> Outputs:
         """Outputs at `q_s`, `dq_s` (n,), stance/swing order."""
-        found = self._outputs(q_s, dq_s, self.scale, self.row)
-        return Outputs(found.eta, found.jacobian, found.bias, float(found.phase[0]), float(found.phase_rate[0]))
+        values = self._outputs(q_s, dq_s, self.scale, self.row)
+        return Outputs(values.eta, values.jacobian, values.bias, float(values.phase[0]), float(values.phase_rate[0]))
 
 
 def output_functions(angles: Angles) -> tuple[NumpyFunction, ...]:
@@ -203,11 +202,11 @@ def output_functions(angles: Angles) -> tuple[NumpyFunction, ...]:
     free = System(ca.vertcat(q, dq), ddq, ca.vertcat(dq, ddq), outputs.parameters, outputs.rates)
     y, dy, ddy = free.derivatives("outputs", outputs.y, 2)
     acceleration = free.affine(ddy)
-    found = {"eta": ca.vertcat(y, dy), "jacobian": acceleration.a, "bias": acceleration.b}
-    found |= {"phase": outputs.phase, "phase_rate": outputs.phase_rate}
+    free_of_path = {"eta": ca.vertcat(y, dy), "jacobian": acceleration.a, "bias": acceleration.b}
+    free_of_path |= {"phase": outputs.phase, "phase_rate": outputs.phase_rate}
     scale, phase, path = outputs.parameters["phase_scale"], ca.SX.sym("phase"), packed(outputs.path)
     orders = {f"desired_{k}": order for k, order in enumerate(desired(phase, outputs.path))}
-    along = dict(zip(found, outputs.along_path([*found.values()]), strict=True))
+    along = dict(zip(free_of_path, outputs.along_path([*free_of_path.values()]), strict=True))
     return (
         NumpyFunction.of("outputs", {"q": q, "dq": dq, "scale": scale, "path": path}, along),
         NumpyFunction.of("phase", {"q": q, "scale": scale}, {"phase": outputs.phase}),

@@ -15,20 +15,8 @@ from rl_cbf_clf_controller.planar_robot import RABBIT, PinnedRobot, Structure
 from rl_cbf_clf_controller.virtual_constraints import OutputExpressions
 
 GAINS = (
-    "eps",
-    "slack_weight",
-    "torque_change_weight",
-    "barrier_pole_1",
-    "barrier_pole_2",
-    "R1",
-    "R2",
-    "stone_margin",
-    "friction_coeff",
-    "friction_margin",
-    "min_normal_force",
-    "torque_limit",
-    "robust_scale_min",
-    "robust_scale_max",
+    *("eps", "slack_weight", "torque_change_weight", "barrier_pole_1", "barrier_pole_2", "R1", "R2", "stone_margin"),
+    *("friction_coeff", "friction_margin", "min_normal_force", "torque_limit", "robust_scale_min", "robust_scale_max"),
 )
 
 

@@ -193,8 +193,7 @@ class PolicyFile:
     def encode(self) -> bytes:
         """The bytes of file and message."""
         head = _Head(content_hash=self.content_hash, metadata=self.metadata)
-        data: bytes = save(self.arrays, metadata={_KEY: head.model_dump_json()})  # one key: their order is not fixed
-        return data
+        return save(self.arrays, metadata={_KEY: head.model_dump_json()})  # one key: their order is not fixed
 
     def write(self, path: Path) -> None:
         """Write the file at once or not at all."""
@@ -252,7 +251,7 @@ def policy_path(name: str) -> Path:
 
 
 def shipped_policies() -> list[str]:
-    """Names of the policies that come with the controller; each learning controller's own has its name."""
+    """Names of the policies that come with the controller; that of a learning controller has the controller's name."""
     return sorted(path.stem for path in SHIPPED.glob("*.safetensors"))
 
 

@@ -27,13 +27,12 @@ def worst_cases(w: Walking, parameters: Any) -> Callable[[Terms], list[Affine]]:
 
     def errors(terms: Terms) -> list[Affine]:
         in_torque = Affine.stacked([quantity.value for quantity in terms.quantities])
-        found = []
-        for name in ("robust_scale_min", "robust_scale_max"):
-            scale = w.gains[name]
-            of_input = ca.vertcat(*(1 if each in FORCES else 1 / scale for each in terms.names))
-            of_drift = ca.vertcat(*(scale if each in FORCES else 1 for each in terms.names))
+        corners = []
+        for scale in (w.gains["robust_scale_min"], w.gains["robust_scale_max"]):
+            of_input = ca.vertcat(*(1 if name in FORCES else 1 / scale for name in terms.names))
+            of_drift = ca.vertcat(*(scale if name in FORCES else 1 for name in terms.names))
             scaled = Affine(ca.diag(of_input) @ in_torque.a, of_drift * in_torque.b)
-            found.append(scaled.after(terms.control) - terms.nominal)
-        return found
+            corners.append(scaled.after(terms.control) - terms.nominal)
+        return corners
 
     return errors

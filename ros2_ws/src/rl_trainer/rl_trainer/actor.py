@@ -24,8 +24,7 @@ class Scaling(nn.Module):
 
     def forward(self, observation: Tensor) -> Tensor:
         """Shape (b, m) to (b, m)."""
-        scaled: Tensor = (observation - self.center) / self.scale
-        return scaled
+        return (observation - self.center) / self.scale
 
 
 def hidden_layers(inputs: int, parameters: TrainingParameters, outputs: int, last: float = 1.0) -> nn.Sequential:

@@ -66,12 +66,12 @@ class Checkpoint:
         Raises `CheckpointError`: it is of another training.
         """
         path = journal_path(self.folder, self.trainer.episode)
-        for other in self.folder.glob("journal-*"):
-            if other.name < path.name:
-                other.unlink()
-        held = read_journal(path, self.trainer.parameters)
+        for journal in self.folder.glob("journal-*"):
+            if journal.name < path.name:
+                journal.unlink()
+        transitions = read_journal(path, self.trainer.parameters)
         try:
-            for transition in held:
+            for transition in transitions:
                 self.trainer.take(transition)
         except Exception as error:  # sizes that do not fit
             raise CheckpointError(f"journal {path}: {one_line(error)}") from error
@@ -104,7 +104,7 @@ class Checkpoint:
             raise CheckpointError(f"{name}: made with other parameters; use another folder, or the same ones")
         try:
             trainer.load_state_dict(state)
-        except Exception as error:  # of a learner of the user's own
+        except Exception as error:  # of a user's learner
             raise CheckpointError(f"{name}: {type(error).__name__}: {one_line(error, 200)}") from error
 
 
@@ -135,7 +135,7 @@ def _read(path: Path) -> dict[str, Any]:
         raise ValueError("damaged, or of another version: its checksum is not that of its content")
     content = io.BytesIO(data[DIGEST:])
     with ZipFile(content) as archive:  # torch writes no other, and would decompress whatever comes
-        if any(each.file_size > each.compress_size for each in archive.infolist()):
+        if any(part.file_size > part.compress_size for part in archive.infolist()):
             raise ValueError("compressed: expected plain tensors")
     content.seek(0)
     state = torch.load(content, weights_only=True)
@@ -159,14 +159,14 @@ def read_journal(path: Path, parameters: TrainingParameters) -> list[Transition]
         return []
     try:
         data = read_bytes(path, MOST_JOURNAL_BYTES)
-        found, lines = transitions_of(data, parameters)
+        transitions, lines = transitions_of(data, parameters)
     except Exception as error:  # sound checksums of what is no transition
         raise CheckpointError(f"journal {path}: {one_line(error)}") from error
-    if not found and data.endswith(b"\n") and lines:  # else the first one is cut
+    if not transitions and data.endswith(b"\n") and lines:  # else the first one is cut
         raise CheckpointError(f"journal {path}: made with other parameters, or damaged; use another folder")
-    if len(found) < lines:
-        log.warning("journal %s: cut or damaged; %d of %d transitions are sound and taken", path, len(found), lines)
-    return found
+    if (sound := len(transitions)) < lines:
+        log.warning("journal %s: cut or damaged; %d of %d transitions are sound and taken", path, sound, lines)
+    return transitions
 
 
 def line_of(transition: Transition, parameters: TrainingParameters) -> bytes:
@@ -178,13 +178,14 @@ def line_of(transition: Transition, parameters: TrainingParameters) -> bytes:
 
 def transitions_of(data: bytes, parameters: TrainingParameters) -> tuple[list[Transition], int]:
     """The sound transitions of these lines, and how many lines there are."""
-    lines, found, key = [line for line in data.split(b"\n") if line], [], parameters.key
-    for found_sum, _, text in (line.partition(b" ") for line in lines):
-        if found_sum == checksum(text, key):
+    lines, transitions, key = [line for line in data.split(b"\n") if line], [], parameters.key
+    for written_sum, _, text in (line.partition(b" ") for line in lines):
+        if written_sum == checksum(text, key):
             values = json.loads(text)
             values = {name: np.array(value) if isinstance(value, list) else value for name, value in values.items()}
-            found.append(Transition(**{**values, "problem": parameters.problem, "doubt": Doubt(values["doubt"])}))
-    return found, len(lines)
+            values |= {"problem": parameters.problem, "doubt": Doubt(values["doubt"])}
+            transitions.append(Transition(**values))
+    return transitions, len(lines)
 
 
 def checksum(text: bytes, key: str) -> bytes:

@@ -1,4 +1,4 @@
-"""How a training goes, an episode a row: in its folder's curve.csv, and by the same names in TensorBoard."""
+"""How a training goes, an episode a row: in the folder's curve.csv, and by the same names in TensorBoard."""
 
 import csv
 from collections.abc import Sequence
@@ -13,10 +13,10 @@ CURVE = "curve.csv"
 
 def scalars(report: EpisodeReport) -> dict[str, float]:
     """What is told of an episode, by name."""
-    found = {f"episode/{name}": float(getattr(report, name)) for name in ("steps", "ticks", "kept", "failed", "sigma")}
+    told = {f"episode/{name}": float(getattr(report, name)) for name in ("steps", "ticks", "kept", "failed", "sigma")}
     for group in ("reward", "losses", "left_out"):
-        found |= {f"{group}/{name}": value for name, value in getattr(report, group).items()}
-    return found
+        told |= {f"{group}/{name}": value for name, value in getattr(report, group).items()}
+    return told
 
 
 def write_curve(folder: Path, reports: Sequence[EpisodeReport]) -> None:

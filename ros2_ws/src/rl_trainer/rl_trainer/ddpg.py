@@ -7,12 +7,12 @@ The reward of a tick depends on the estimates of that tick alone, so there is no
 The measured error does not depend on the action, so the reward of any action at a transition is known; each minibatch
 draws actions about the actor's. Only t_i, the measured error, is unknown to the critic. The model's error is affine in
 mu, so t_i is affine about the QP's answer mu_qp: the noise mu - mu_qp does not depend on the state and is small beside
-mu; with a slope of its own it counts.
+mu; with a further slope it counts.
 
     t_i(s, mu) = a_i(s, mu_qp) (mu - mu_qp) + b_i(s, mu_qp)         a_V = LgV A_V, the structure of [eq70]
 
 In the first approach t depends on the whole input instead, t(s, v), v = mu + alpha mu + beta, and the gradient goes
-through it. The paper's own DDPG is in `paper_ddpg.py`.
+through it. The paper's DDPG is in `paper_ddpg.py`.
 """
 
 import torch
@@ -36,7 +36,7 @@ def correction(alpha: Tensor, beta: Tensor, mu: Tensor) -> Tensor:
 
 
 class RewardCritic(nn.Module):
-    """The reward's own form with the measured error t as the only unknown, a network of (s, mu).
+    """The reward's form with the measured error t as the only unknown, a network of (s, mu).
 
     What it makes of the states alone (`see`) serves every mu and action that it is asked about.
     """
@@ -64,13 +64,12 @@ class RewardCritic(nn.Module):
         return self.reward(corrected / batch.unit - t)
 
     def reward(self, error: Tensor) -> Tensor:
-        """Of a scaled error, each (b, n)."""
+        """Of a scaled error (b, n)."""
         return -(error * error)
 
     def target(self, batch: Batch, seen: Seen, x: Tensor) -> Tensor:
         """t(s, x), the error expected where x is the input, (b, n)."""
-        t: Tensor = self.network(torch.cat([*seen, x / self.mu_unit], 1))
-        return t
+        return self.network(torch.cat([*seen, x / self.mu_unit], 1))
 
     def steady_slopes(self, share: float) -> None:
         """Nothing here varies with the state that should not."""
@@ -126,7 +125,7 @@ class Ddpg(AveragedActor):
         critic_loss = nn.functional.smooth_l1_loss(self._critic(batch, seen, mu, alpha, beta), reward)
         self._critic_optimizer.descend(critic_loss, rate)
         self._critic.steady_slopes(self.alpha_decay * p.critic_rate * rate)
-        seen = tuple(each.detach() for each in seen)  # an affine critic has said it all before this step
+        seen = tuple(part.detach() for part in seen)  # an affine critic has said it all before this step
         probe = batch.mu
         if isinstance(self._critic, AffineCritic):  # it knows of any mu about mu_qp
             probe = batch.mu_qp + p.probe_noise * self._noise(batch.mu)

@@ -17,9 +17,9 @@ WARM_UP = 0.1  # an average over the last tenth of few updates, so that it forge
 
 
 class Learner(ABC):
-    """Bring your own: derive from this, and give it an actor to walk with, `acting`, and an `update`.
+    """To bring another one, derive from this, and give it an actor to walk with, `acting`, and an `update`.
 
-    Its networks, optimisers, generators and numbers, each a member of its own, are what a checkpoint holds.
+    A checkpoint holds the networks, optimisers, generators and numbers that are members.
     """
 
     acting: Actor

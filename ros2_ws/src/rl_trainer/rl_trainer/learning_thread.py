@@ -1,4 +1,4 @@
-"""Learns in a thread of its own, from ticks in a queue: whoever brings them never waits, and nothing is lost.
+"""Learns in another thread, from ticks in a queue: whoever brings them never waits, and nothing is lost.
 
 In the thread everything goes in order: ticks, an episode's end with its updates, the plan for the next. So what is
 learned does not depend on timing.

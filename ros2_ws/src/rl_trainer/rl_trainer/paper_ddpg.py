@@ -31,8 +31,7 @@ class PlainCritic(nn.Module):
 
     def forward(self, observation: Tensor, action: Tensor) -> Tensor:
         """Raw observation (b, m) and action over its scales (b, (p + 1) n) to Q (b, 1)."""
-        q: Tensor = self.network(torch.cat([self.scaling(observation), action], 1))
-        return q
+        return self.network(torch.cat([self.scaling(observation), action], 1))
 
 
 class PaperDdpg(Learner):
@@ -67,5 +66,4 @@ class PaperDdpg(Learner):
         """Q'(s', pi'(s')), (b, 1)."""
         actor = self._target_actor
         action = actor.unit_action(batch.next_observation, batch.next_LgV, actor.clf_size(batch.next_LgV))
-        q: Tensor = self._target_critic(batch.next_observation, action)
-        return q
+        return self._target_critic(batch.next_observation, action)

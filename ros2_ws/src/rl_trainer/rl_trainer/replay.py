@@ -1,4 +1,4 @@
-"""The replay buffer: what the learner needs of each transition, as float32 columns; the oldest go first."""
+"""The replay buffer: what the learner needs of the transitions, as float32 columns; the oldest go first."""
 
 from dataclasses import dataclass, fields
 from typing import Any
@@ -33,7 +33,7 @@ class Batch:
 
 
 class Replay:
-    """A ring of transitions with a generator of its own, so that sampling depends on the seed alone.
+    """A ring of transitions with a generator that nobody else draws from: sampling depends on the seed alone.
 
     `added`: transitions ever kept; `columns`: by the names of a `Batch`.
     """
@@ -90,10 +90,10 @@ class Replay:
 def as_batch(transitions: list[Transition], parameters: TrainingParameters) -> Batch:
     """Transitions as one batch, none left out."""
     m, rows = len(parameters.observation), list[dict[str, Any]]()
-    for each in transitions:
-        unit, (reward, penalty) = error_unit(each.LgV, parameters), reward_terms(each, parameters)
-        seen = {"observation": each.observation[:m], "next_observation": each.next_observation[:m]}
-        learned = {"unit": unit, "target": np.nan_to_num(each.target / unit), "reward": reward, "penalty": penalty}
-        rows.append(vars(each) | seen | learned)
+    for t in transitions:
+        unit, (reward, penalty) = error_unit(t.LgV, parameters), reward_terms(t, parameters)
+        seen = {"observation": t.observation[:m], "next_observation": t.next_observation[:m]}
+        learned = {"unit": unit, "target": np.nan_to_num(t.target / unit), "reward": reward, "penalty": penalty}
+        rows.append(vars(t) | seen | learned)
     names = [field.name for field in fields(Batch)]
     return Batch(**{n: torch.as_tensor(np.stack([row[n] for row in rows]), dtype=torch.float32) for n in names})

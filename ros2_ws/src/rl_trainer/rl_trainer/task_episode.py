@@ -1,6 +1,6 @@
-"""One episode of a task under one of its controllers: nominal, oracle, a learned policy, or one of its own.
+"""One episode of a task under one of its controllers: nominal, oracle, a learned policy, or one that the task brings.
 
-ridden = ride_of(TaskController(task), "nominal", seed=1)        all ticks, and how it ended
+ride = ride_of(TaskController(task), "nominal", seed=1)        all ticks, and how it ended
 """
 
 from dataclasses import dataclass, field
@@ -76,8 +76,7 @@ class Ride:
         """Of each barrier over the ride; -inf after a failure."""
         if self.outcome != "done":
             return np.full(len(self.task.barriers), -np.inf)
-        least: Array = self.barriers.min(axis=0)
-        return least
+        return self.barriers.min(axis=0)
 
     def end(self, simulation: TaskSimulation, last: RobotState) -> None:
         """It ended in this state."""
@@ -97,10 +96,10 @@ def ride_of(controller: TaskController, controlling: Controlling, seed: int, sig
     """An episode under a policy or a controller by its name; `sigma`: the deviation of what exploration adds to mu."""
     simulation = TaskSimulation(controller.task)
     controller.policy, controller.sigma = controlling, sigma
-    ridden = Ride(controller.task, controller.version, seed)
-    last = rollout(simulation, controller, seed, lambda record: ridden.moments.append(moment_of(controller, record)))
-    ridden.end(simulation, last)
-    return ridden
+    ride = Ride(controller.task, controller.version, seed)
+    last = rollout(simulation, controller, seed, lambda record: ride.moments.append(moment_of(controller, record)))
+    ride.end(simulation, last)
+    return ride
 
 
 def moment_of(controller: TaskController, record: Record) -> Moment:

@@ -39,17 +39,16 @@ def measured_problem(task: ControlTask, seed: int) -> Problem:
     controller = TaskController(task)
     problem, greatest, errors, moments = controller.problem, list[tuple[Array, Array]](), list[Array](), list[Moment]()
     for i, name in enumerate((NOMINAL, ORACLE) * RIDES):
-        ridden = ride_of(controller, name, seed * 1000 + i)
-        moments += ridden.moments
+        ride = ride_of(controller, name, seed * 1000 + i)
+        moments += ride.moments
         if name == NOMINAL:
-            errors += [_error(transition, problem.has_clf) for transition in transitions_of(ridden, problem)]
+            errors += [_error(transition, problem.has_clf) for transition in transitions_of(ride, problem)]
         else:
-            greatest += [_greatest(m.estimates, problem.has_clf) for m in ridden.moments if m.estimates]
+            greatest += [_greatest(m.estimates, problem.has_clf) for m in ride.moments if m.estimates]
     read = [moment.output.observation for moment in moments]
     means, deviations = np.mean(read, axis=0).tolist(), _floored(np.std(read, axis=0))
-    alpha_scale, beta_scale = (
-        _floored(ROOM * np.quantile(each, QUANTILE, axis=0)) for each in zip(*greatest, strict=True)
-    )
+    alphas, betas = zip(*greatest, strict=True)
+    alpha_scale, beta_scale = (_floored(ROOM * np.quantile(sizes, QUANTILE, axis=0)) for sizes in (alphas, betas))
     return replace(
         problem,
         units=tuple(zip(problem.observation, means, deviations, strict=True)),
@@ -60,21 +59,21 @@ def measured_problem(task: ControlTask, seed: int) -> Problem:
     )
 
 
-def transitions_of(ridden: Ride, problem: Problem) -> list[Transition]:
+def transitions_of(ride: Ride, problem: Problem) -> list[Transition]:
     """Those of a ride that were measured; the units of the problem need not be known yet."""
     ones = (1.0,) * len(problem.quantities)
     known = replace(problem, alpha_scale=ones, beta_scale=ones, error_scale=ones)
     builder = TransitionBuilder(TrainingParameters(problem=known))
-    found = [builder.add(moment.state, moment.output) for moment in ridden.moments]
-    return [transition for transition in found if transition and not transition.doubt & Doubt.UNMEASURED]
+    transitions = [builder.add(moment.state, moment.output) for moment in ride.moments]
+    return [transition for transition in transitions if transition and not transition.doubt & Doubt.UNMEASURED]
 
 
 def _greatest(estimates: Estimates, has_clf: bool) -> tuple[Array, Array]:
-    """The greatest |alpha| and |beta| (n,) of each quantity; of V those of the outputs, which LgV multiplies."""
-    found = np.abs(np.column_stack([estimates.alpha, estimates.beta]))
+    """The greatest |alpha| and |beta| (n,) of the quantities; of V those of the outputs, which LgV multiplies."""
+    sizes = np.abs(np.column_stack([estimates.alpha, estimates.beta]))
     if has_clf and estimates.output_error is not None:
-        found[0] = np.abs(estimates.output_error).max(axis=0)
-    return found[:, :-1].max(axis=1), found[:, -1]
+        sizes[0] = np.abs(estimates.output_error).max(axis=0)
+    return sizes[:, :-1].max(axis=1), sizes[:, -1]
 
 
 def _error(transition: Transition, has_clf: bool) -> Array:
@@ -114,6 +113,5 @@ def training_parameters(task: ControlTask, seed: int, **changes: Any) -> Trainin
     """Of a training of the task, in units that are measured now."""
     problem = measured_problem(task, seed)
     of_mu = {"sigma": problem.mu_unit, "probe_noise": problem.mu_unit}
-    own = {**SLOW, **SCHEDULE, **of_mu, **task.training}
-    asked = {"problem": problem, "seed": seed, "learner": "regression", **own, **changes}
-    return TrainingParameters.model_validate(asked)
+    usual = {"learner": "regression", **SLOW, **SCHEDULE, **of_mu}
+    return TrainingParameters.model_validate({"problem": problem, "seed": seed, **usual, **task.training, **changes})

@@ -1,4 +1,4 @@
-"""Puts a tick's messages together, in order: they come on several topics, in each in order, between them in any.
+"""Puts a tick's messages together, in order: they come on several topics, on one in order, between them in any.
 
 A tick is settled once every topic has come so far. If a topic went past it without its message the tick is lost: left
 out and counted, and the walk goes on. An episode is over when its end was announced, all its ticks are settled, and its
@@ -32,7 +32,7 @@ Event = tuple[int, Tick | End]  # with the number of its episode
 
 @dataclass
 class _Episode:
-    """`held`: messages by tick and part; `newest`: tick of each part; `next`: to be settled; `state`: newest, its tick.
+    """`held`: messages by tick and part; `newest`: ticks by part; `next`: to be settled; `state`: tick and newest.
 
     Once its end is announced: `last`, the tick of the last state, and `answers`, how many ticks have a torque.
     """
@@ -77,28 +77,28 @@ class TickSynchronizer:
     def add(self, part: str, episode: int, tick: int, message: Any) -> list[Event]:
         """Take in a message, None for one that was refused; what comes after its episode's end is ignored."""
         if episode > self.done:
-            its = self._of(episode)
-            its.newest[part] = max(tick, its.newest[part])
-            if message is not None and tick >= its.next:
-                its.held.setdefault(tick, {})[part] = message
+            walk = self._of(episode)
+            walk.newest[part] = max(tick, walk.newest[part])
+            if message is not None and tick >= walk.next:
+                walk.held.setdefault(tick, {})[part] = message
                 if part == self._parts[0]:
-                    its.state = max(its.state, (tick, message), key=lambda state: state[0])
+                    walk.state = max(walk.state, (tick, message), key=lambda state: state[0])
         return self._events()
 
     def end(self, episode: int, last: int, acted: bool) -> list[Event]:
         """An episode ends with the state of tick `last`; `acted`: there is an answer to that one too (a fault)."""
         if episode > self.done:
-            its = self._of(episode)
-            its.last, its.answers = last, last + acted
+            walk = self._of(episode)
+            walk.last, walk.answers = last, last + acted
         return self._events()
 
     def give_up(self) -> list[Event]:
         """Nothing more will come of the oldest open episode: what is missing is lost."""
         if self._open:
-            its = self._open[min(self._open)]
-            if its.last is None:
-                its.last = its.answers = max(its.state[0], its.next)
-            its.newest = dict.fromkeys(self._parts, max(its.last, *its.newest.values()))
+            walk = self._open[min(self._open)]
+            if walk.last is None:
+                walk.last = walk.answers = max(walk.state[0], walk.next)
+            walk.newest = dict.fromkeys(self._parts, max(walk.last, *walk.newest.values()))
         return self._events()
 
     def restart(self) -> list[Event]:
@@ -123,22 +123,22 @@ class TickSynchronizer:
         events: list[Event] = []
         while self._open:
             first = min(self._open)
-            its = self._open[first]
-            settled = min(its.newest.values())
-            is_over = its.last is not None and settled >= its.answers - 1 and its.newest[self._parts[0]] >= its.last
-            if its.last is not None:
-                settled = min(settled, its.answers - 1)
-            for tick in sorted(tick for tick in its.held if tick <= settled):
-                messages = its.held.pop(tick)
+            walk = self._open[first]
+            settled = min(walk.newest.values())
+            is_over = walk.last is not None and settled >= walk.answers - 1 and walk.newest[self._parts[0]] >= walk.last
+            if walk.last is not None:
+                settled = min(settled, walk.answers - 1)
+            for tick in sorted(tick for tick in walk.held if tick <= settled):
+                messages = walk.held.pop(tick)
                 is_whole = len(messages) == len(self._parts)
-                self.lost += tick - its.next + (not is_whole)
-                its.next = tick + 1
+                self.lost += tick - walk.next + (not is_whole)
+                walk.next = tick + 1
                 if is_whole:
                     events.append((first, Tick(tick, tuple(messages[part] for part in self._parts))))
             if not is_over:
                 break
-            self.lost += max(0, its.answers - its.next)
-            events.append((first, End(its.state[1] if its.state[0] == its.last else None)))
+            self.lost += max(0, walk.answers - walk.next)
+            events.append((first, End(walk.state[1] if walk.state[0] == walk.last else None)))
             self.done = first
             del self._open[first]
         return events

@@ -1,4 +1,4 @@
-"""Training: what happens with each tick and at each episode's end. The node and `rabbit train` run this same code.
+"""Training: what happens with a tick and at an episode's end. The node and `rabbit train` run this same code.
 
     plan = trainer.begin_episode()      which seed, noise and policy to walk with
     trainer.observe(state, output)      every tick

@@ -6,12 +6,12 @@ A quantity is measured by one numerical difference over the tick [SectionRL, Rem
 
 and the stance foot's force is the one averaged over that tick; each quantity's `measure` says so, and the controller
 publishes it. A difference across a change of stance means nothing.
-V is quadratic in dy, so its own difference is off by dt |G y''|^2 in the metric P; so the known gradient of V takes the
-difference of dy instead: V-dot = LfV + LgV (dy' - dy) / dt.
+V is quadratic in dy, so the difference of V is off by dt |G y''|^2 in the metric P; so the known gradient of V takes
+the difference of dy instead: V-dot = LfV + LgV (dy' - dy) / dt.
 
 A difference is a mean over the tick, in which the torque is held and the state moves on; so the nominal value that it
 is compared to is the mean of those at the tick's ends, both under the torque that was applied. With `measurement =
-paper` V's own difference is compared with the nominal value of the tick's start.
+paper` the difference of V is compared with the nominal value of the tick's start.
 """
 
 from dataclasses import dataclass
@@ -73,8 +73,7 @@ class Transition:
     @property
     def correction(self) -> Array:
         """alpha mu + beta at this tick, (n,)."""
-        correction: Array = self.alpha @ self.mu + self.beta
-        return correction
+        return self.alpha @ self.mu + self.beta
 
     @property
     def target(self) -> Array:
@@ -182,8 +181,7 @@ def nominal_value(last: ControllerOutput, output: ControllerOutput | None, p: Tr
 
 def predicted(output: ControllerOutput, v: Array) -> Array:
     """The quantities (n,) of a tick at the input v (4,), without the policy's estimate."""
-    value: Array = output.nominal_a @ v + output.nominal_b + adapted(output).error(v)
-    return value
+    return output.nominal_a @ v + output.nominal_b + adapted(output).error(v)
 
 
 def _y_ddot(output: ControllerOutput, v: Array) -> Array:

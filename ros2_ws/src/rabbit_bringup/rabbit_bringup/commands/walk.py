@@ -60,13 +60,13 @@ def prepare(given: Given) -> WalkSettings:
 
 
 def walk_of_task(options: WalkOptions, given: Given) -> WalkSettings:
-    """Of a control task, whose plant and controllers are its own."""
+    """Of a control task, which brings plant and controllers."""
     from rabbit_description.task import TaskError
     from rabbit_description.task_source import load_task
     from rl_cbf_clf_controller.task_controller import NOMINAL, TaskController
 
-    if others := sorted(set(given.values) - set(WalkOptions.model_fields)):
-        fail(f"{option_name(others[0])} beside --task: expected options of the walk alone")
+    if of_robot := sorted(set(given.values) - set(WalkOptions.model_fields)):
+        fail(f"{option_name(of_robot[0])} beside --task: expected options of the walk alone")
     if options.view:
         fail("--view beside --task: expected `rabbit play --task`")
     policy = options.policy or NOMINAL
@@ -80,14 +80,14 @@ def walk_of_task(options: WalkOptions, given: Given) -> WalkSettings:
 def with_foreign_controller(options: WalkOptions, given: Given) -> tuple[WalkOptions, Given]:
     """Options of a walk with a controller of another kind, from which our trainer cannot learn; what plant is given.
 
-    Of our own controllers one that needs no policy stands for it, where a gait and a terrain are chosen.
+    Of our controllers one that needs no policy stands for it, where a gait and a terrain are chosen.
     """
     if options.controller != NOBODY:
         package, _, executable = options.controller.partition("/")
         with complaints(LaunchError):
             find_executable(package, executable)
-    own = "clf-qp" if given.values.get("terrain") == "flat" else "cbf-clf-qp"
-    return options.model_copy(update={"trainer": False}), Given({**given.values, "controller": own}, given.defaults)
+    ours = "clf-qp" if given.values.get("terrain") == "flat" else "cbf-clf-qp"
+    return options.model_copy(update={"trainer": False}), Given({**given.values, "controller": ours}, given.defaults)
 
 
 def assembly_of_nodes(given: Given, policy: str | None, parameters: str) -> Any:
@@ -102,8 +102,8 @@ def given_training(request: WalkOptions, controller: ControllerParameters, polic
     from rl_cbf_clf_controller.weights import read
     from rl_trainer.parameters import TrainingParameters
 
-    known: dict[str, Any] = {"problem": controller.problem, "seed": request.seed}
-    known["tick_seconds"] = controller.tick_seconds
+    known: dict[str, Any] = {name: getattr(controller, name) for name in ("problem", "tick_seconds")}
+    known["seed"] = request.seed
     if policy != "zero":
         form = read(Path(policy)).metadata
         known |= {name: getattr(form, name) for name in ("structured", "alpha_scale", "beta_scale")}
@@ -118,7 +118,7 @@ def given_training(request: WalkOptions, controller: ControllerParameters, polic
 
 
 def make_folder(request: WalkOptions) -> Path:
-    """The walk's own folder, new."""
+    """The walk's folder, new."""
     if request.out:
         return new_folder(request.out)
     return new_folder(first_free(Path("runs", f"{datetime.now():%Y%m%d-%H%M%S}-seed-{request.seed}")))
@@ -133,8 +133,7 @@ def walk_with_progress(walk: WalkSettings, ended: Callable[[Any], None]) -> Any:
     def show(now: Any) -> None:
         episode = f"episode {now.episode}, " if walk.options.episodes > 1 else ""
         done = f"{now.ticks} ticks" if walk.options.task else f"stone {now.stone} of {now.stones},"
-        description = f"{episode}{done}"
-        bar.update(task, description=description, total=now.stones, completed=now.stone, text=figures_of(now))
+        bar.update(task, description=episode + done, total=now.stones, completed=now.stone, text=figures_of(now))
 
     said = TextColumn("{task.description} {task.fields[text]}")
     with Progress(BarColumn(bar_width=12), said, TimeElapsedColumn()) as bar:

@@ -1,6 +1,6 @@
 """The nodes as processes: each with a log file, ended together, whatever ends first; the file of their parameters.
 
-They have sessions of their own, so a Ctrl-C reaches the launcher alone, which ends them in order. If the launcher is
+They have sessions to themselves, so a Ctrl-C reaches the launcher alone, which ends them in order. If the launcher is
 killed, the kernel tells them to end.
 """
 
@@ -56,7 +56,7 @@ class Processes:
         return list(self.running)
 
     def start(self, name: str, arguments: Sequence[str] = (), kind: str = "", package: str = "") -> None:
-        """Start a node, by default our own of that name; else the executable `kind` of a `package`.
+        """Start a node, by default ours of that name; else the executable `kind` of a `package`.
 
         Raises `LaunchError`.
         """
@@ -74,7 +74,7 @@ class Processes:
             )
 
     def check(self) -> None:
-        """Raises `NodeEnded`, with the last line of its log, if a node has ended by itself; or `Interrupted`."""
+        """Raises `NodeEnded`, with the log's last line, if a node has ended by itself; or `Interrupted`."""
         if self._signal:
             raise Interrupted(self._signal)
         for name, process in self.running.items():
@@ -131,6 +131,6 @@ def write_parameters(path: Path, nodes: dict[str, dict[str, Any]]) -> None:
     Empty lists are left out: a parameter file has no type for them, and the node's default is the same.
     """
     plain = {
-        name: {key: each for key, each in values.items() if each not in ([], ())} for name, values in nodes.items()
+        name: {key: value for key, value in values.items() if value not in ([], ())} for name, values in nodes.items()
     }
     replace_text(path, dump_yaml({f"/**/{name}": {"ros__parameters": values} for name, values in plain.items()}))

@@ -90,8 +90,8 @@ class WalkSettings(Checked):
     @classmethod
     def of(cls, assembly: Any, folder: Path, options: WalkOptions, **more: Any) -> "WalkSettings":
         """Those of an `Assembly`."""
-        its = {name: getattr(assembly, name) for name in ("simulation", "controller", "policy")}
-        return cls(folder=folder, options=options, **its, **more)
+        parts = {name: getattr(assembly, name) for name in ("simulation", "controller", "policy")}
+        return cls(folder=folder, options=options, **parts, **more)
 
     @property
     def names(self) -> list[str]:
@@ -117,11 +117,11 @@ class WalkSettings(Checked):
         """The command line of an executable. The simulator waits for the launcher; by the file alone it does not."""
         paused = ("-p", "start_paused:=true") if name == "simulator" else ()
         remaps = ("-r", "/clock:=clock", "-r", f"__ns:=/{self.options.namespace.strip('/')}")
-        own = ("--log-level", self.options.log_level, "--enclave", f"/rabbit/{name}")
-        return ["--ros-args", "--params-file", str(self.parameter_file), *paused, *remaps, *own]
+        level, enclave = ("--log-level", self.options.log_level), ("--enclave", f"/rabbit/{name}")
+        return ["--ros-args", "--params-file", str(self.parameter_file), *paused, *remaps, *level, *enclave]
 
     def parameters(self) -> dict[str, dict[str, Any]]:
-        """Of each node."""
+        """Those of the nodes, by node."""
         options, simulation, controller = self.options, self.simulation.model_dump(), self.controller.model_dump()
         of_task = {"task": options.task}
         priority, problem = {"priority": options.priority}, str(self.controller.problem)

@@ -25,7 +25,7 @@ UNTIMED = {"tick_ms_p50", "tick_ms_p99", "plant_ms_p50", "walk_seconds"}  # figu
 def carry_out(walk: WalkSettings, run: Callable[[Ended], Any]) -> int:
     """Walk as `run` does, which returns the monitor; say how it went; leave the summary. Returns the exit code."""
     outcomes: list[str] = []
-    refused: list[str] = []  # controllers beside the walk's own
+    refused: list[str] = []  # controllers beside the walk's
 
     def tell(episode: Any) -> None:
         outcomes.append(episode.outcome)
@@ -97,7 +97,7 @@ def _leave(walk: WalkSettings, code: ExitCode, seconds: float) -> None:
 
 
 def _rescued(walk: WalkSettings, error: LaunchError) -> str:
-    """Summarise what a graph recorded that did not come to its end; what there is to say of it."""
+    """Summarise what a graph recorded that did not come to an end; what there is to say of it."""
     recording = walk.folder / "recording"
     if not recording.exists():
         with contextlib.suppress(OSError):  # nothing was left in it
@@ -121,8 +121,8 @@ def write_summary(
 ) -> dict[str, Any]:
     """Write `summary.json`, a row an episode as in `rabbit evaluate`, and `records.npz` of the last one with ticks.
 
-    `seconds`: by the wall clock, that its episodes took, where that is known; `failure`: why the graph did not come to
-    its end, if it did not. Raises `RecordingError`.
+    `seconds`: by the wall clock, that the episodes took, where that is known; `failure`: why the graph did not come to
+    an end, if it did not. Raises `RecordingError`.
     """
     from rabbit_description.atomic_file import replace_text
     from rabbit_experiments import provenance
@@ -158,7 +158,7 @@ def write_summary(
         if walk.options.is_foreign:
             name = last.controller or "a controller without a name"
             title = f"{name}, mass scale {walk.simulation.mass_scale:g}, seed {last.seed}: {last.outcome}"
-            about = {each: value for each, value in about.items() if each not in DRAWN}
+            about = {key: value for key, value in about.items() if key not in DRAWN}
             about |= {"controller": name, "title": title}
         save_records(WalkRecords.from_ticks(last.records, last.landings, about), walk.folder / "records.npz")
     return summary

@@ -30,10 +30,10 @@ class CommandGuardNode(CheckedNode):
 
     def __init__(self) -> None:
         super().__init__("command_guard")
-        own = declare(self, GuardParameters)
+        parameters = declare(self, GuardParameters)
         refuse_unknown(self)
-        take_priority(own.priority, self.get_logger().warning)
-        self._guard, self._said = CommandGuard(own), ""
+        take_priority(parameters.priority, self.get_logger().warning)
+        self._guard, self._said = CommandGuard(parameters), ""
         self._commands = self.create_publisher(Float64MultiArray, "commands", 10)
         self._masters = self._hear(JointState, "stamped_commands", self._on_command, QoSProfile(depth=10))
         self._hear(JointState, "joint_states", self._on_joints, qos_profile_sensor_data)

@@ -23,7 +23,7 @@ SWITCH = {"true": True, "1": True, "false": False, "0": False}
 
 
 def arguments(**more: tuple[str, str]) -> list[DeclareLaunchArgument]:
-    """Those that `node` reads, and `more`: the default and the description of each, by name."""
+    """Those that `node` reads, and `more`: defaults and descriptions by name."""
     every = {**OF_EVERY_NODE, **more}
     return [DeclareLaunchArgument(n, default_value=default, description=text) for n, (default, text) in every.items()]
 
@@ -31,13 +31,13 @@ def arguments(**more: tuple[str, str]) -> list[DeclareLaunchArgument]:
 def arguments_of(
     *models: type[BaseModel], defaults: Defaults, but: Collection[str] = ()
 ) -> list[DeclareLaunchArgument]:
-    """An argument for each field of `models`, `but` some, with the default that holds where none of them is given."""
-    own, texts = defaults.beneath({}), described(models, defaults)
+    """An argument for every field of `models`, `but` some, with the default that holds where none of them is given."""
+    usual, texts = defaults.beneath({}), described(models, defaults)
     fields = {name: info for model in models for name, info in model.model_fields.items() if name not in but}
     return [
         DeclareLaunchArgument(
             name,
-            default_value=word(own.get(name, info.default)),
+            default_value=word(usual.get(name, info.default)),
             description=texts[name] if name in defaults.bare else info.description,
         )
         for name, info in fields.items()

@@ -44,16 +44,16 @@ class HardwareNode(SimulatorNode):
 
     NAME = "ros2_control"
     PARAMETERS = HardwareParameters
-    _own: HardwareParameters
+    _p: HardwareParameters
 
     def __init__(self) -> None:
         super().__init__()
         self._commands = self.create_publisher(JointState, "stamped_commands", 10)
         simulation = self.rabbit
         simulation.plant.close()
-        simulation.plant = self._robot = Hardware(self._own, self._send, simulation.parameters.tick_seconds)
-        self._start, _ = load_gaits(self._own.gait).x_start
-        limits = self._own.largest_tick, self._own.largest_skew
+        simulation.plant = self._robot = Hardware(self._p, self._send, simulation.parameters.tick_seconds)
+        self._start, _ = load_gaits(self._p.gait).x_start
+        limits = self._p.largest_tick, self._p.largest_skew
         self._sensors = SensorClock(SENSORS, *limits, simulation.parameters.tick_seconds)
         self._read: dict[str, Any] = {}
         self._sensed = time.monotonic()  # when the newest tick came
@@ -80,8 +80,8 @@ class HardwareNode(SimulatorNode):
 
     def _take(self, name: str, message: Any, read: Sequence[Any]) -> None:
         """One sensor; once all have said something newer than the last tick, that is the next one."""
-        for each in read[:2]:  # the third is the specific force, which may be unknown at first
-            check_finite(name, np.ravel(each).tolist())
+        for values in read[:2]:  # the third is the specific force, which may be unknown at first
+            check_finite(name, np.ravel(values).tolist())
         self._message_counter.accept(name)
         self._end_if_silent()  # this process may have stood still
         self._read[name] = read
@@ -116,7 +116,7 @@ class HardwareNode(SimulatorNode):
 
     # The tick
 
-    def _set_pace(self, own: PlayerParameters) -> None:
+    def _set_pace(self, parameters: PlayerParameters) -> None:
         """The sensors set it."""
 
     def _go_on(self) -> None:
@@ -131,7 +131,7 @@ class HardwareNode(SimulatorNode):
             if fault := ("" if is_hanging else self._sensors.fault) or self._robot.fault:
                 self._player.end("fault", fault)
             elif self._player.torque is not None:
-                self._player.step_answered(self._player.torque)
+                self._player.step(self._player.torque)
             elif self._player.step_without_answer():
                 self._live_controllers.said_nothing()
         except EstimatorError as error:
@@ -146,12 +146,12 @@ class HardwareNode(SimulatorNode):
     def _end_if_silent(self) -> None:
         """What the sensors said is old, be it that they or that this process stood still."""
         silent = time.monotonic() - self._sensed
-        if self._player.state is not None and silent > self._own.stale:
+        if self._player.state is not None and silent > self._p.stale:
             self._player.end("fault", f"no sensors for {silent:.3f} s: {self._sensors}")
             self._rest()
 
     def _rest(self) -> None:
-        """No torque but in an episode; for each one the robot is enabled anew."""
+        """No torque but in an episode; for every one the robot is enabled anew."""
         if self._player.state is None and self._player.episode.episode > self._done:
             self._done, self._paused = self._player.episode.episode, True
         if self._player.state is None or self._paused:
@@ -174,20 +174,20 @@ class HardwareNode(SimulatorNode):
             return
         super()._begin_next()
         if self._player.state is not None:
-            self._sensed = time.monotonic()  # to begin took its time, and nothing is commanded yet
+            self._sensed = time.monotonic()  # to begin took a while, and nothing is commanded yet
 
     def _unfit(self) -> str:
         """Why the robot cannot be enabled; empty: it can."""
         if self._others.refusal:
             return self._others.refusal
-        if self._robot.sensors is None or time.monotonic() - self._sensed > self._own.stale:
+        if self._robot.sensors is None or time.monotonic() - self._sensed > self._p.stale:
             return f"no sensors: {self._sensors}"
         if not self._commands.get_subscription_count():
             return "nobody hears stamped_commands: expected a command_guard"
         return self._sensors.fault or self._robot.far_from(self._start)
 
     def _answered_by_someone(self) -> bool:
-        is_sensed = self._robot.sensors is not None and time.monotonic() - self._sensed < self._own.stale
+        is_sensed = self._robot.sensors is not None and time.monotonic() - self._sensed < self._p.stale
         return is_sensed and super()._answered_by_someone()
 
 

@@ -92,7 +92,7 @@ class WalkMonitor(GraphClient):
         simulator, controller = (self._said.get(name, UNHEARD) for name in ("simulator", "controller"))
         slack, ratio = figure(controller, "CLF slack"), figure(simulator, "force ratio")
         ticks = int(np.nan_to_num(figure(simulator, "ticks")))
-        names = [each.key.removeprefix(BARRIER) for each in controller.values if each.key.startswith(BARRIER)]
+        names = [value.key.removeprefix(BARRIER) for value in controller.values if value.key.startswith(BARRIER)]
         barriers = {name: figure(controller, BARRIER + name) for name in names}
         return Progress(e.episode, stone, e.stones, margin, barriers, slack, ratio, ticks)
 
@@ -113,11 +113,11 @@ class WalkMonitor(GraphClient):
         return {name: s.message for name, s in said.items() if s.level != DiagnosticStatus.OK} or alone
 
     def _others(self, nodes: list[str]) -> dict[str, int]:
-        """Readers of each topic that belong to nobody we started, as a viewer that was there before."""
+        """Readers by topic that belong to nobody we started, as a viewer that was there before."""
         known, node = (*nodes, "launcher"), self.node
         ends = {name: node.get_subscriptions_info_by_topic(node.resolve_topic_name(name)) for name in TOPIC}
-        names = {name: [end.node_name.removeprefix("_") for end in found] for name, found in ends.items()}
-        return {name: sum(not each.startswith(known) for each in found) for name, found in names.items()}
+        names = {topic: [end.node_name.removeprefix("_") for end in readers] for topic, readers in ends.items()}
+        return {topic: sum(not name.startswith(known) for name in readers) for topic, readers in names.items()}
 
     @property
     def is_over(self) -> bool:

@@ -1,4 +1,4 @@
-"""A command's own node in a graph: it hears topics and asks services, while it spins."""
+"""A command's node in a graph: it hears topics and asks services, while it spins."""
 
 import time
 from collections.abc import Callable, Mapping
@@ -45,7 +45,7 @@ class GraphClient:
         self._stack.close()
 
     def hear(self, name: str, take: Callable[[Any], None], qos: QoSProfile | None = None, raw: bool = False) -> None:
-        """Give each message of a topic to `take`, as bytes if `raw`."""
+        """Give the messages of a topic to `take`, as bytes if `raw`."""
         self.node.create_subscription(TOPIC[name].type, name, take, qos or TOPIC[name].qos, raw=raw)
 
     def spin(self, seconds: float) -> None:
@@ -57,9 +57,9 @@ class GraphClient:
 
     def others(self) -> list[str]:
         """The nodes that are known by now in this namespace; those of `ros2` itself are hidden."""
-        here = self.node.get_namespace()
-        found = [name for name, where in self.node.get_node_names_and_namespaces() if where == here]
-        return [name for name in found if name != self.node.get_name() and not name.startswith("_")]
+        here, this = self.node.get_namespace(), self.node.get_name()
+        names = [name for name, where in self.node.get_node_names_and_namespaces() if where == here]
+        return [name for name in names if name != this and not name.startswith("_")]
 
     def client(self, name: str) -> Any:
         """The client of a service."""
@@ -69,7 +69,6 @@ class GraphClient:
 
     def ask(self, name: str, seconds: float, again: float = AGAIN_SECONDS, **fields: Any) -> Any:
         """The answer of a service; None if none comes within so many s. It is asked again after `again` s."""
-
         client = self.client(name)
         return call_service(client, client.srv_type.Request(**fields), self._listen, seconds, again)
 

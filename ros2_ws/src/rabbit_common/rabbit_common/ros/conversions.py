@@ -55,7 +55,7 @@ def nanoseconds(time: Time) -> int:
 
 
 def state_message(state: RobotState, episode: int, at: Header) -> msg.RobotState:
-    """A measured state; the preview travels on its own topic."""
+    """A measured state; the preview travels on another topic."""
     message = msg.RobotState()
     write_state(message, state, episode, at)
     return message
@@ -94,12 +94,11 @@ def is_unknown(message: msg.RobotState) -> bool:
 
 
 def preview_message(preview: StonePreview, episode: int, at: Header, sender: str = "") -> msg.StonePreview:
-    """A preview as its message."""
     return msg.StonePreview(header=at, episode=episode, sender=sender, **asdict(preview))
 
 
 def preview_of(message: msg.StonePreview) -> StonePreview:
-    """A preview from its message."""
+    """Raises `Refused`."""
     check_finite("l_min, l_max, height", (message.l_min, message.l_max, message.height))
     if not 0 <= message.l_min < message.l_max:
         raise Refused("no stone", f"l_min = {message.l_min}, l_max = {message.l_max}; expected 0 <= l_min < l_max")
@@ -115,9 +114,9 @@ def check_episode(message: msg.Episode, after: int, layout: RobotLayout = LAYOUT
         raise Refused("no phase", f"phase = {message.phase}; expected 0 to {msg.Episode.ENDED}")
     if not (math.isnan(message.sigma) or 0 <= message.sigma <= LARGEST_SIGMA):
         raise Refused("no noise", f"sigma = {message.sigma}; expected NaN or 0 to {LARGEST_SIGMA} rad/s^2")
-    for name, own in layout.names.items():
-        if (got := list(getattr(message, name))) not in ([], own):
-            raise Refused("another robot", f"{name} = {', '.join(got[:8])}; expected {', '.join(own)}")
+    for name, expected in layout.names.items():
+        if (got := list(getattr(message, name))) not in ([], expected):
+            raise Refused("another robot", f"{name} = {', '.join(got[:8])}; expected {', '.join(expected)}")
     if message.episode < after and not is_new_simulator(message):
         raise Refused(LATE, f"episode {message.episode}; expected {after} or a later one")
 

@@ -71,5 +71,5 @@ def reader_counts(status: DiagnosticStatus) -> dict[str, int]:
 def figure(status: DiagnosticStatus, name: str) -> float:
     """A number that a node says of itself; NaN where it says none."""
     with suppress(ValueError):
-        return next((float(each.value) for each in status.values if each.key == name), math.nan)
+        return next((float(value.value) for value in status.values if value.key == name), math.nan)
     return math.nan

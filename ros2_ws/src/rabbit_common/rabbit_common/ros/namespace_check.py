@@ -1,4 +1,4 @@
-"""Is somebody there already? Two graphs in one namespace are two robots in one: each ends the other's episodes."""
+"""Is somebody there already? Two graphs in one namespace are two robots in one: either ends the other's episodes."""
 
 import socket
 import time
@@ -53,23 +53,23 @@ class NamespaceCheck:
         return Refused(f"{self._where}: {what}; end that graph, or take another --namespace or ROS_DOMAIN_ID")
 
 
-def first_published(node: Node, topics: Collection[str], own: int, seconds: float) -> str:
-    """The first of `topics`, by full name, that has more than `own` publishers within so many s; empty if none has."""
-    return _discovered(lambda: next((topic for topic in topics if node.count_publishers(topic) > own), ""), seconds)
+def first_published(node: Node, topics: Collection[str], ours: int, seconds: float) -> str:
+    """The first of `topics`, by full name, that has more than `ours` publishers within so many s; empty if none has."""
+    return _discovered(lambda: next((topic for topic in topics if node.count_publishers(topic) > ours), ""), seconds)
 
 
 def publishers(node: Node, topic: str, seconds: float) -> str:
     """The names of the nodes that publish on `topic`; "a node" if none becomes known within so many s."""
 
     def names() -> str:
-        return ", ".join(sorted({each.node_name for each in node.get_publishers_info_by_topic(topic)} - {UNKNOWN}))
+        return ", ".join(sorted({info.node_name for info in node.get_publishers_info_by_topic(topic)} - {UNKNOWN}))
 
     return _discovered(names, seconds) or "a node"
 
 
 def _discovered(look: Callable[[], str], seconds: float) -> str:
-    """What `look` finds within so many s."""
+    """What `look` says within so many s."""
     end = time.monotonic() + seconds
-    while not (found := look()) and time.monotonic() < end:
+    while not (names := look()) and time.monotonic() < end:
         time.sleep(min(POLL_SECONDS, seconds))
-    return found
+    return names

@@ -50,7 +50,7 @@ def choose_network() -> None:
         wider = os.environ.get(RANGE, "LOCALHOST") != "LOCALHOST" or os.environ.get(PEERS)
         os.environ[PROFILE] = str(PROFILES / ("fastdds_network.xml" if wider else "fastdds.xml"))
         if not wider:
-            os.environ[RANGE] = "SYSTEM_DEFAULT"  # the profile's; LOCALHOST would add sockets of its own
+            os.environ[RANGE] = "SYSTEM_DEFAULT"  # the profile's; LOCALHOST would add sockets
         os.environ.setdefault(WHOLE, "1")  # without it, what the profile says of memory does not count
         os.environ.setdefault(RANGE, "LOCALHOST")
 
@@ -72,7 +72,7 @@ def initialise(context: Context | None = None, args: list[str] | None = None) ->
 
 @contextlib.contextmanager
 def joined(enclave: str) -> Iterator[Context]:
-    """A command's own place in the graph: a context of rclpy in this enclave of a secured one; raises `StartError`."""
+    """A command's place in the graph: a context of rclpy in this enclave of a secured one; raises `StartError`."""
     context = rclpy.Context()
     initialise(context, ["--ros-args", "--enclave", enclave])
     try:

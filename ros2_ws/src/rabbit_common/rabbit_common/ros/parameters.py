@@ -31,9 +31,9 @@ class ParameterError(ValueError):
 
 
 def declare(node: Node, model: type[Model], dynamic: Collection[str] = (), default: Model | None = None) -> Model:
-    """Declare each field of `model` as a parameter of `node`, return the checked values. Raises `ParameterError`.
+    """Declare the fields of `model` as parameters of `node`, return the checked values. Raises `ParameterError`.
 
-    `default`: what the fields are that nobody sets; None: the model's own defaults.
+    `default`: what the fields are that nobody sets; None: the model's defaults.
     """
     values, schemas = {}, model.model_json_schema()["properties"]
     for name, info in model.model_fields.items():
@@ -53,8 +53,8 @@ def refuse_unknown(node: Node) -> None:
 
     From now on no parameter can be added, and rclpy's own are read-only too.
     """
-    given: set[str] = set(node._parameter_overrides)
-    unknown = sorted(name for name in given - _OF_ROS if not (node.has_parameter(name) or name.startswith("qos_")))
+    names: set[str] = set(node._parameter_overrides)
+    unknown = sorted(name for name in names - _OF_ROS if not (node.has_parameter(name) or name.startswith("qos_")))
     if unknown:
         raise ParameterError(f"parameter {unknown[0]}: {node.get_name()} has no parameter of this name")
     for name in _OF_ROS:
@@ -63,7 +63,7 @@ def refuse_unknown(node: Node) -> None:
 
 
 def follow(node: Node, current: Model, apply: Callable[[Model], None]) -> None:
-    """Check each change of `current`'s dynamic parameters and hand the whole new model to `apply`.
+    """Check any change of `current`'s dynamic parameters and hand the whole new model to `apply`.
 
     What `apply` refuses by a `ParameterError` is not changed. ROS itself refuses changes of the read-only ones.
     """
@@ -100,7 +100,7 @@ def _said(value: Any, info: FieldInfo) -> Any:
 
 
 def _descriptor(schema: dict[str, Any], dynamic: bool) -> ParameterDescriptor:
-    """From a field's JSON schema; of open bounds the limit itself (the model's own check is the stricter one)."""
+    """From a field's JSON schema; of open bounds the limit itself (the model's check is the stricter one)."""
     descriptor = ParameterDescriptor(description=schema.get("description", ""), read_only=not dynamic)
     if choices := schema.get("enum"):
         descriptor.additional_constraints = f"one of {', '.join(choices)}"

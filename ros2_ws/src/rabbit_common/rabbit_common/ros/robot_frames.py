@@ -42,9 +42,9 @@ class RobotFrames:
 
 
 def transforms(state: RobotState) -> TFMessage:
-    """The links of the URDF, each in its parent. `slide_x` moves with the hip, forward only: a camera can follow it."""
+    """The links of the URDF, in their parents. `slide_x` moves with the hip, forward only: a camera can follow it."""
     q = dict(zip(COORDINATES, state.q, strict=True))
-    made = []
+    frames = []
     for joint in JOINTS:
         value = q.get(joint.attrib["name"], 0.0)
         moved, axis = _vector(joint, "origin"), _vector(joint, "axis")
@@ -57,8 +57,8 @@ def transforms(state: RobotState) -> TFMessage:
         header = Header(stamp=state.header.stamp, frame_id=_attribute(joint, "parent", "link"))
         place = Transform(translation=Vector3(**dict(zip("xyz", moved.tolist(), strict=True))), rotation=turned)
         child = _attribute(joint, "child", "link")
-        made.append(TransformStamped(header=header, child_frame_id=child, transform=place))
-    return TFMessage(transforms=made)
+        frames.append(TransformStamped(header=header, child_frame_id=child, transform=place))
+    return TFMessage(transforms=frames)
 
 
 def _vector(joint: ElementTree.Element, tag: str) -> Array:
@@ -66,5 +66,5 @@ def _vector(joint: ElementTree.Element, tag: str) -> Array:
 
 
 def _attribute(joint: ElementTree.Element, tag: str, name: str, default: str = "") -> str:
-    found = joint.find(tag)
-    return default if found is None else found.attrib[name]
+    element = joint.find(tag)
+    return default if element is None else element.attrib[name]

@@ -1,8 +1,8 @@
 """Of several simulators in one graph the first one that is heard is followed, as long as it answers for itself.
 
-A sender is what a simulator writes into its messages; the empty one is a sender too. Each simulator hears the
-announcements of others and answers them (`rabbit_sim.ros.other_simulators`). So another one takes over only where the
-first one does not answer its announcement: it is dead, or has ended.
+A sender is what a simulator writes into its messages; the empty one is a sender too. Simulators hear and answer the
+announcements of others (`rabbit_sim.ros.other_simulators`). So another one takes over only where the first one does not
+answer its announcement: it is dead, or has ended.
 """
 
 import time

@@ -108,6 +108,5 @@ def missing_readers(
 
     `others`: readers that are none of `nodes`, by topic: they must not stand in for one of them.
     """
-
     wanted = {t.name: len({*t.readers, "recorder"} & set(nodes)) for t in published_by(nodes)}
     return [name for name, least in wanted.items() if counted.get(name, 0) < least + (others or {}).get(name, 0)]

@@ -57,9 +57,9 @@ def evaluate(given: Given) -> None:
     out = request.out or Path("runs", f"evaluate-{about['key'][:8]}")
     with complaints(ResultsError):
         folder = ResultsFolder(own_folder(out, "evaluate"), about, request.overwrite)
-    results, made = walk_all(scenario, folder, who_runs(request.jobs, request.cluster), request.batch)
+    results, walked = walk_all(scenario, folder, who_runs(request.jobs, request.cluster), request.batch)
     show(conclude(scenario, folder, results, about))
-    print(f"{made} runs made; written {out}")
+    print(f"{walked} runs made; written {out}")
     if request.pictures or request.rerun:
         scenario.recorded.write(scenario.recorded.do(), out / RECORDS)  # the first run again, the same
     if request.pictures:
@@ -116,7 +116,7 @@ def describe(assembly: Any, seed: int) -> dict[str, Any]:
 
 
 def walk_all(scenario: Any, folder: Any, processes: int | str, batch: int) -> tuple[list[Any], int]:
-    """Walk the runs that the folder lacks, its tables up to date after each; all results, and how many were made."""
+    """Walk the runs that the folder lacks, and keep the tables up to date; all results, and how many were walked."""
     from rabbit_experiments.cache import JobError
     from rabbit_experiments.engine import run
     from rabbit_experiments.summary import Walks
@@ -124,18 +124,18 @@ def walk_all(scenario: Any, folder: Any, processes: int | str, batch: int) -> tu
     results = [result for job in scenario.walks if (result := folder.cache.get(job))]
 
     def note(_: Any, result: Any) -> str:
-        insort(results, result, key=lambda each: each.row.run)
+        insort(results, result, key=lambda result: result.row.run)
         folder.write_runs(results)
-        walks = Walks([each.row for each in results])
+        walks = Walks([result.row for result in results])
         return f"walked {walks.walked}, mean stones {walks.mean_stones:.1f}"
 
     folder.write_runs(results)
     try:
         with complaints(JobError):
-            made = run(scenario.walks, folder.cache, processes, note=note, batch=batch)
+            walked = run(scenario.walks, folder.cache, processes, note=note, batch=batch)
     except KeyboardInterrupt as stop:
         fail(f"stopped after {len(results)} runs; the same command goes on from there", code=of_interrupt(stop))
-    return results, made
+    return results, walked
 
 
 def conclude(scenario: Any, folder: Any, results: list[Any], about: dict[str, Any]) -> dict[str, Any]:

@@ -43,8 +43,7 @@ def load(
     file: Annotated[Path, typer.Argument(help="policy file (.safetensors), the name of a shipped one, or zero")],
     namespace: Annotated[str, typer.Option(help="namespace of the graph")] = "",
     timeout: Annotated[
-        float | None,
-        typer.Option(help="s to wait for a graph; by default one must be there", min=0.1, max=3600),
+        float | None, typer.Option(help="s to wait for a graph; by default one must be there", min=0.1, max=3600)
     ] = None,
 ) -> None:
     """Have a running controller put a policy in force; exit code 1 if there is none, 2 if it refuses the file."""

@@ -42,9 +42,9 @@ def scales(given: Given) -> None:
         fail(f"--into {request.into}: {lines} lines that begin with SCALES and have =; expected one")
     assembly = given_assembly(given, "oracle", request.parameters)
     with complaints(ScalesError):
-        found = measure_scales(assembly, episode_seeds(request.seed, request.walks).values())
-    said = "{" + ", ".join(f'"{name}": {values}' for name, values in found.items()) + "}"
-    print(f"SCALES = {said}")
+        measured = measure_scales(assembly, episode_seeds(request.seed, request.walks).values())
+    literal = "{" + ", ".join(f'"{name}": {values}' for name, values in measured.items()) + "}"
+    print(f"SCALES = {literal}")
     if request.into:
         with complaints(OSError):
-            replace_text(request.into, LINE.sub(lambda line: line[1] + said, text))
+            replace_text(request.into, LINE.sub(lambda line: line[1] + literal, text))

@@ -154,9 +154,9 @@ def chosen(task: str, controller: str) -> "tuple[ControlTask, list[str]]":
     names = controller.split(",")
     with complaints(ValueError):
         loaded = load_task(task)
-        made = TaskController(loaded)
+        tried = TaskController(loaded)
         for name in names:
-            made.controlling(name)
+            tried.controlling(name)
     return loaded, names
 
 
@@ -184,7 +184,7 @@ def show(task: "ControlTask", summary: dict[str, Any]) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    names = [each.name for each in task.barriers]
+    names = [barrier.name for barrier in task.barriers]
     columns = [f"{name}: worst; mean [95%]" for name in names] + ["impacts: mean [95%]"] * (task.impact is not None)
     table = Table("controller", "rides that kept all [95%]", *columns, "outcomes")
     for controller, of in summary.items():
@@ -214,8 +214,8 @@ def write_results(
     with complaints(OSError):
         with replacing(folder / "runs.csv") as partial, partial.open("w", newline="", encoding="utf-8") as file:
             table = csv.writer(file)
-            names = (barrier.name for barrier in task.barriers)
-            table.writerow(["controller", "seed", "ticks", "outcome", "reason", "kept", "impacts", *names])
+            columns = "controller", "seed", "ticks", "outcome", "reason", "kept", "impacts"
+            table.writerow([*columns, *(barrier.name for barrier in task.barriers)])
             for name, rides in ridden.items():
                 for ride in rides:
                     ended = ride.ticks, ride.outcome, ride.reason, ride.is_kept, ride.impacts

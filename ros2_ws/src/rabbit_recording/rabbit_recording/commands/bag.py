@@ -53,23 +53,23 @@ def info(bag: Bag, as_json: Annotated[bool, typer.Option("--json", help="as JSON
     from rabbit_recording.contents import contents
 
     with complaints(RecordingError):
-        found = contents(bag)
+        inside = contents(bag)
     if as_json:
-        print(json.dumps(asdict(found), indent=2))
+        print(json.dumps(asdict(inside), indent=2))
     else:
-        _print_tables(bag, found)
+        _print_tables(bag, inside)
 
 
-def _print_tables(bag: Path, found: "Contents") -> None:
+def _print_tables(bag: Path, contents: "Contents") -> None:
     from rich.console import Console
     from rich.table import Table
 
-    print(f"{bag}: {found.messages} messages, {found.seconds:.2f} s, {found.bytes / 1e6:.1f} MB")
+    print(f"{bag}: {contents.messages} messages, {contents.seconds:.2f} s, {contents.bytes / 1e6:.1f} MB")
     topics = Table("topic", "type", "messages", "QoS")
-    for topic in found.topics:
+    for topic in contents.topics:
         topics.add_row(topic.name, topic.type, str(topic.messages), topic.qos)
     Console().print(topics)
-    there = [e for e in found.episodes if e.presence != "announced"]
+    there = [e for e in contents.episodes if e.presence != "announced"]
     episodes = Table("episode", "seed", "ended", "stones", "ticks", "lost", "policies")
     for e in there:
         ended = f"{e.outcome or 'not in the recording'}{f' ({e.reason})' if e.reason else ''}"
@@ -79,7 +79,7 @@ def _print_tables(bag: Path, found: "Contents") -> None:
         episodes.add_row(*map(str, row))
     if there:
         Console().print(episodes)
-    if announced := [str(e.number) for e in found.episodes if e.presence == "announced"]:
+    if announced := [str(e.number) for e in contents.episodes if e.presence == "announced"]:
         print(f"announced only, no tick in the recording: {', '.join(announced)}")
 
 
@@ -104,8 +104,8 @@ def show(
 
 def brought(name: str) -> Any:
     """A picture's function, of a package that this one does not import."""
-    (found,) = entry_points(group="rabbit.pictures", name=name) or fail("expected rabbit_viewer, which draws")
-    return found.load()
+    (picture,) = entry_points(group="rabbit.pictures", name=name) or fail("expected rabbit_viewer, which draws")
+    return picture.load()
 
 
 def ride_in(bag: Path, task: str, episode: int | None) -> Any:

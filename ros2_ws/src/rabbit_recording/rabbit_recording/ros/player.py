@@ -25,9 +25,9 @@ LEAST_DEPTH = 10  # where a recording does not say
 def play(path: Path, rate: float = 1.0, namespace: str = "", delay: float = 1.0) -> int:
     """Publish what is in a recording, what was announced before its first state at once; returns how many messages.
 
-    It goes at `rate` times its own pace, with `namespace` before every topic, after `delay` s in which readers find the
-    player. Raises `RecordingError` if it is not readable, of other message definitions than the sourced workspace's, or
-    with topics that somebody publishes already; `Refused` if the environment cannot be used.
+    It goes at `rate` times the recorded pace, with `namespace` before every topic, after `delay` s in which readers
+    find the player. Raises `RecordingError` if it is not readable, of other message definitions than the sourced
+    workspace's, or with topics that somebody publishes already; `Refused` if the environment cannot be used.
     """
     here = graph_types([Path(get_package_share_directory("rabbit_msgs"))])
     with opened(path) as reader, closing(GraphClient("player", namespace, "/")) as client:
@@ -38,7 +38,7 @@ def play(path: Path, rate: float = 1.0, namespace: str = "", delay: float = 1.0)
                 raise RecordingError(f"recording {path}: {kind} is defined otherwise in the sourced workspace")
             publishers[topic] = _publisher(client.node, topic, kind, connection, namespace)
         topics = [publisher.topic_name for publisher in publishers.values()]
-        if clash := first_published(client.node, topics, 1, delay):  # one is the player's own
+        if clash := first_published(client.node, topics, 1, delay):  # one is the player's
             raise RecordingError(f"recording {path}: {clash} is published already; give --namespace, or end that graph")
         began, count = time.monotonic(), 0
         with one_line_errors(path):
@@ -47,8 +47,8 @@ def play(path: Path, rate: float = 1.0, namespace: str = "", delay: float = 1.0)
                 time.sleep(max(0.0, began + (nanoseconds - begin) / 1e9 / rate - time.monotonic()))
                 publishers[connection.topic].publish(data)
                 count += 1
-        for each in publishers.values():
-            each.wait_for_all_acked(Duration(seconds=DELIVERY_SECONDS))
+        for publisher in publishers.values():
+            publisher.wait_for_all_acked(Duration(seconds=DELIVERY_SECONDS))
         return count
 
 

@@ -51,10 +51,10 @@ class RecorderNode(CheckedNode):
 
     def __init__(self) -> None:
         super().__init__("recorder")
-        own = declare(self, NodeParameters)
+        parameters = declare(self, NodeParameters)
         refuse_unknown(self)
         self._types = graph_types([Path(get_package_share_directory("rabbit_msgs"))])
-        self._path = first_free(Path(own.path))  # a recorder may be started again
+        self._path = first_free(Path(parameters.path))  # a recorder may be started again
         self._writer = BagWriter(self._path, self._types)
         self._time = SimulatedTime(self._path)
         self._heard = time.monotonic()
@@ -63,7 +63,8 @@ class RecorderNode(CheckedNode):
         self._newest_state, self._is_answered = b"", False
         self._gave_way = False  # to who must be in time
         self._readers = {topic.name: self._subscribe(topic) for topic in TOPICS}
-        self._awaited = [name for name in own.topics if self.resolve_topic_name(name) not in self._writer.topics]
+        written = self._writer.topics
+        self._awaited = [name for name in parameters.topics if self.resolve_topic_name(name) not in written]
         self._diagnostics = Diagnostics(self, self._message_counter, self._status)
         steady_timer(self, FLUSH_SECONDS, self._flush)
 

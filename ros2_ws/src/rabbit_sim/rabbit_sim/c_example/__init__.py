@@ -1,6 +1,5 @@
 """A program in C that walks an exported controller in MuJoCo's own library: what is written beside the controller."""
 
-import re
 import shutil
 from math import radians
 from pathlib import Path
@@ -70,5 +69,5 @@ def errors_of_sensors(
 def table(name: str, values: Array) -> str:
     """An array in C, to the bit."""
     sizes = "".join(f"[{size}]" for size in values.shape)
-    text = re.sub(r"[][]", lambda found: "{}"[found[0] == "]"], repr(values.tolist()))
+    text = repr(values.tolist()).translate(str.maketrans("[]", "{}"))
     return f"static const double {name}{sizes} = {text};"

@@ -13,7 +13,7 @@ FREE_SECONDS = 1.0  # mean time until a joint's encoder sticks
 
 
 class EncoderGain(Perturbation):
-    """Each joint's angle and rate come with a factor of its own, which an episode draws."""
+    """A joint's angle and rate come with a factor, which an episode draws for the joint."""
 
     order = 137
 
@@ -56,7 +56,7 @@ class FilteredRates(Perturbation):
 class EncoderDrift(Perturbation):
     """The zero of each joint moves at a constant rate, which an episode draws; the joint's rate is off by that rate.
 
-    In a tick in which a foot comes down it jumps as well, by a draw of its own.
+    In a tick in which a foot comes down it jumps as well, by another draw.
     """
 
     order = 140
@@ -84,7 +84,7 @@ class EncoderDrift(Perturbation):
 class StuckEncoders(Perturbation):
     """One encoder at a time sticks for a while: its angle stays, and its rate is zero.
 
-    Its joint is drawn at random each time. The time between two such faults is exponentially distributed.
+    The joint is drawn at random. The time between two such faults is exponentially distributed.
     """
 
     order = 145

@@ -1,4 +1,4 @@
-"""The true ground: its friction, its softness and its slope; stones that give way."""
+"""The true ground: friction, softness and slope; stones that give way."""
 
 from math import radians, tan
 from typing import Annotated

@@ -85,9 +85,9 @@ class CoupledJoints(Perturbation):
     )
 
     def transmitted(self, memory: Memory, torque: Array, joints: Array, rates: Array) -> Array:
-        given: Array = np.array(torque)
-        given[KNEES] += self.joint_coupling * torque[HIPS]
-        return given
+        coupled: Array = np.array(torque)
+        coupled[KNEES] += self.joint_coupling * torque[HIPS]
+        return coupled
 
 
 class FadingMotors(Perturbation):
@@ -159,14 +159,14 @@ class LostCommands(Perturbation):
     )
 
     def begin(self, memory: Memory) -> None:
-        memory.substep, memory.is_lost, memory.given = 0, False, np.zeros(JOINTS)
+        memory.substep, memory.is_lost, memory.torque = 0, False, np.zeros(JOINTS)
 
     def transmitted(self, memory: Memory, torque: Array, joints: Array, rates: Array) -> Array:
         if memory.substep % memory.parameters.substeps == 0:
             memory.is_lost = memory.rng.random() < self.command_dropout
         memory.substep += 1
-        memory.given = memory.given if memory.is_lost else torque
-        return memory.given
+        memory.torque = memory.torque if memory.is_lost else torque
+        return memory.torque
 
 
 class HotMotors(Perturbation):
@@ -185,9 +185,9 @@ class HotMotors(Perturbation):
         memory.heat = np.zeros(JOINTS)
 
     def transmitted(self, memory: Memory, torque: Array, joints: Array, rates: Array) -> Array:
-        given: Array = torque / (1 + self.motor_heating * memory.heat)
+        weakened: Array = torque / (1 + self.motor_heating * memory.heat)
         memory.heat = memory.heat + SUBSTEP_SECONDS * (torque / TORQUE_LIMIT) ** 2
-        return given
+        return weakened
 
 
 class Hysteresis(Perturbation):

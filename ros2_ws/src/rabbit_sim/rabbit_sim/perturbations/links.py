@@ -95,12 +95,12 @@ class Payload(Perturbation):
         mass, ahead, height = self.payload, self.payload_ahead, self.payload_height
         inertial = next(robot.iterfind("link[@name='torso']/inertial"))
         origin, mass_element, inertia = (next(inertial.iterfind(name)) for name in ("origin", "mass", "inertia"))
-        own_height, own_mass = float(origin.attrib["xyz"].split()[2]), float(mass_element.attrib["value"])
-        total = own_mass + mass
-        reduced = own_mass * mass / total
-        origin.set("xyz", f"{mass * ahead / total!r} 0 {(own_mass * own_height + mass * height) / total!r}")
+        torso_height, torso_mass = float(origin.attrib["xyz"].split()[2]), float(mass_element.attrib["value"])
+        total = torso_mass + mass
+        reduced, above = torso_mass * mass / total, height - torso_height
+        origin.set("xyz", f"{mass * ahead / total!r} 0 {(torso_mass * torso_height + mass * height) / total!r}")
         mass_element.set("value", repr(total))
-        squares = {"ixx": (height - own_height) ** 2, "iyy": (height - own_height) ** 2 + ahead**2, "izz": ahead**2}
+        squares = {"ixx": above**2, "iyy": above**2 + ahead**2, "izz": ahead**2}
         for name, square in squares.items():
             inertia.set(name, repr(float(inertia.attrib[name]) + reduced * square))
 

@@ -111,8 +111,7 @@ class TorqueRate(Perturbation):
 
 def gain(motor: str) -> float:
     """That of one motor."""
-    field: float = setting(1.0, 0.1, 2, "share of the torque that this motor gives", Control(f"{motor}'s motor", 0.05))
-    return field
+    return setting(1.0, 0.1, 2, "share of the torque that this motor gives", Control(f"{motor}'s motor", 0.05))
 
 
 class MotorGains(Perturbation):
@@ -151,10 +150,8 @@ class SecondOrderMotors(Perturbation):
     @cached_property
     def _steps(self) -> tuple[Array, Array]:
         """Of N robots: (tau, tau') at a substep's end from those at its start (N, 2, 2), and from u (N, 2, 1)."""
-        pairs = [
-            of_motor(*pair) for pair in zip(np.ravel(self.motor_frequency), np.ravel(self.motor_damping), strict=True)
-        ]
-        from_state, from_drive = map(np.array, zip(*pairs, strict=True))
+        steps = map(of_motor, np.ravel(self.motor_frequency), np.ravel(self.motor_damping))
+        from_state, from_drive = map(np.array, zip(*steps, strict=True))
         return from_state, from_drive
 
     def remembered(self) -> int:

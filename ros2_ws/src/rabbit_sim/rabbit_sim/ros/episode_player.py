@@ -49,12 +49,12 @@ class EpisodePlayer:
     """
 
     def __init__(
-        self, node: Node, own: PlayerParameters, simulation: Played, topics: Publishers, on_due: Callable[[], None]
+        self, node: Node, p: PlayerParameters, simulation: Played, topics: Publishers, on_due: Callable[[], None]
     ) -> None:
         """`on_due` is called when a tick is due; raises `RestartFileError`."""
-        self._log, self._own = node.get_logger(), own
+        self._log, self._p = node.get_logger(), p
         self.simulation, self.topics = simulation, topics
-        self._memory = RestartFile(Path(own.memory) if own.memory else None)
+        self._memory = RestartFile(Path(p.memory) if p.memory else None)
         before = self._memory.stand  # of a simulator that was killed
         self.clock_ticks, self._now = before.clock_ticks, header(0)
         self._tick_seconds = simulation.tick_seconds
@@ -63,24 +63,23 @@ class EpisodePlayer:
         self.episode = episode_of(before, **self._same)
         self.state: RobotState | None = None
         self.torque: Array | None = None
-        self.stand_in = StandIn(own.held_ticks, own.damped_ticks, own.damping)
+        self.stand_in = StandIn(p.held_ticks, p.damped_ticks, p.damping)
         self.admission, self.wait = ControllerAdmission(), Wait()
-        self.ticks = TickClock(node, self._tick_seconds, own.late_limit, on_due)
+        self.ticks = TickClock(node, self._tick_seconds, p.late_limit, on_due)
         if before.running:
             self._log.warning(f"episode {before.episode}, tick {before.tick}: {self.episode.reason}")
 
     def begin(self, seed: int, sigma: float = math.nan, policy: str = "") -> None:
         """Reset the plant; tick 0 goes out at once."""
         if self.topics.is_lab:
-            self.clock_ticks += 1  # what the sensors say is matched by its stamp: each tick has one of its own
+            self.clock_ticks += 1  # what the sensors say is matched by its stamp, which no two ticks share
         self.torque = None
         self.wait.begin()
         self.stand_in.begin()
         self.admission.begin()
         self.state = state = self.simulation.reset(seed)
         number = self.episode.episode + 1
-        told = {"seed": seed, "sigma": sigma, "policy_version": policy}
-        self.episode = Episode(episode=number, **told, **self._same)
+        self.episode = Episode(episode=number, seed=seed, sigma=sigma, policy_version=policy, **self._same)
         self.topics.begin(self.episode)
         self.announce(Episode.RUNNING)
         self._publish(state)
@@ -93,10 +92,6 @@ class EpisodePlayer:
         if tick == self.state.tick:
             self.torque = torque
 
-    def step_answered(self, torque: Array) -> None:
-        """Simulate a tick under its answer, (4,) N m."""
-        self._step(torque, Source.ANSWER)
-
     def step_without_answer(self) -> bool:
         """Simulate a tick under what stands in, but no first one. Returns whether no answer counts from now on."""
         if self.state is None or self.state.tick == 0:
@@ -104,17 +99,17 @@ class EpisodePlayer:
             return False
         gave_up = self.stand_in.gave_up
         torque, source = self.stand_in.missed(self.state.tick, self.simulation.joint_rates(self.state))
-        self._step(torque, source)
+        self.step(torque, source)
         return self.stand_in.gave_up and not gave_up
 
-    def _step(self, torque: Array, source: Source) -> None:
-        """Ends the episode if it is over."""
+    def step(self, torque: Array, source: Source = Source.ANSWER) -> None:
+        """Simulate a tick under `torque` (4,), N m; ends the episode if it is over."""
         before = self.clock_ticks, self.episode.episode, self.episode.tick
         self.state, self.torque = self.simulation.step(torque), None
         self.episode.tick, self.episode.touchdowns = self.state.tick, self.state.touchdowns
         self.clock_ticks += 1
         self.ticks.wait()
-        if self._own.real_time:
+        if self._p.real_time:
             self.ticks.simulated(header(before[0], self._tick_seconds), *before[1:], source)
         self._publish(self.state)
         if not self.state.running or self.stand_in.is_over:
@@ -127,7 +122,7 @@ class EpisodePlayer:
         self.episode.outcome, self.episode.reason = outcome, reason[:128]
         self.announce(Episode.ENDED)
         self.topics.end(self.episode)
-        if 0 < self._own.episodes <= self.episode.episode and reason != BY_SERVICE:
+        if 0 < self._p.episodes <= self.episode.episode and reason != BY_SERVICE:
             self._log.info("all episodes are done")
         self.state = self.torque = None
         self.wait.begin()
@@ -161,7 +156,7 @@ class EpisodePlayer:
         if self.state is None or self.torque is not None:
             raise Refused("not awaited", f"episode {message.episode}, tick {message.tick}")
         turn = self.episode.episode, self.state.tick
-        is_late = self._own.real_time and self.stand_in.answered < message.tick < self.state.tick
+        is_late = self._p.real_time and self.stand_in.answered < message.tick < self.state.tick
         check_turn((message.episode, message.tick), (turn[0], message.tick) if is_late else turn)
         if self.stand_in.gave_up:
             raise Refused("too late", f"the joints are damped since tick {self.state.tick}")

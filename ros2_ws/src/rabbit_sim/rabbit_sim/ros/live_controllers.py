@@ -27,7 +27,7 @@ class LiveControllers:
         self._node, self._torques = node, torques
         self._asked: frozenset[bytes] | None = None
         self._deaf: frozenset[bytes] = frozenset()
-        self._since = 0.0  # when they were found deaf
+        self._since = 0.0  # since when they are deaf
 
     @property
     def any(self) -> bool:
@@ -51,8 +51,8 @@ class LiveControllers:
         self._asked, self._since = None, time.monotonic()
 
     def _present(self) -> frozenset[bytes]:
-        found = self._node.get_publishers_info_by_topic(self._torques.topic_name)
-        return frozenset(bytes(each.endpoint_gid) for each in found)
+        publishers = self._node.get_publishers_info_by_topic(self._torques.topic_name)
+        return frozenset(bytes(publisher.endpoint_gid) for publisher in publishers)
 
 
 class ControllerAdmission:

@@ -42,14 +42,14 @@ class SimulatorNode(CheckedNode):
 
     def __init__(self) -> None:
         super().__init__(self.NAME)
-        self._own = declare(self, self.PARAMETERS, dynamic=("pace",))
-        task = getattr(self._own, "task", "")
+        self._p = declare(self, self.PARAMETERS, dynamic=("pace",))
+        task = getattr(self._p, "task", "")
         plant = None if task else declare(self, SimulationParameters)
         refuse_unknown(self)
-        take_priority(self._own.priority, self.get_logger().warning)
+        take_priority(self._p.priority, self.get_logger().warning)
         self._plan: EpisodePlan | None = None
-        self._paused = self._own.start_paused
-        self._others = OtherSimulators(self, self._claim, self._give_way)
+        self._paused = self._p.start_paused
+        self._others = OtherSimulators(self, self._announce, lambda reason: self._player.end("reset", reason))
         sender = self._others.sender
         simulation: Played
         topics: Publishers
@@ -58,9 +58,9 @@ class SimulatorNode(CheckedNode):
             simulation, topics = played, TaskPublishers(self, played.task, sender)
             what = f"of {played.task.name}"
         else:
-            self.rabbit = simulation = Simulation(plant, load_gaits(self._own.gait))
-            topics, what = RabbitPublishers(self, self.rabbit, self._own, sender), f"of {plant.stones} stones"
-        self._player = EpisodePlayer(self, self._own, simulation, topics, self._on_due)
+            self.rabbit = simulation = Simulation(plant, load_gaits(self._p.gait))
+            topics, what = RabbitPublishers(self, self.rabbit, self._p, sender), f"of {plant.stones} stones"
+        self._player = EpisodePlayer(self, self._p, simulation, topics, self._on_due)
         torques = self._hear(TorqueCommand, "torque", self._on_torque, TICK)
         self._live_controllers = LiveControllers(self, torques)
         self._plans = self._hear(EpisodePlan, "episode_plan", self._on_plan, EVENT)
@@ -68,13 +68,13 @@ class SimulatorNode(CheckedNode):
         self.create_service(SetBool, "pause", self._on_pause)
         self._diagnostics = Diagnostics(self, self._message_counter, self._status)
         steady_timer(self, LOOK_SECONDS, self._look)
-        self._player.announce(self._player.episode.phase)
-        self._set_pace(self._own)
-        follow(self, self._own, self._set_pace)
-        episodes = f"{self._own.episodes} episodes from seed {self._own.seed}"
+        self._announce()
+        self._set_pace(self._p)
+        follow(self, self._p, self._set_pace)
+        episodes = f"{self._p.episodes} episodes from seed {self._p.seed}"
         self.get_logger().info(f"ready: {episodes}, {what}")
-        if (done := self._player.episode.episode) >= self._own.episodes > 0:
-            self.get_logger().warning(f"memory {self._own.memory}: all {done} episodes are done, and none begins")
+        if (done := self._player.episode.episode) >= self._p.episodes > 0:
+            self.get_logger().warning(f"memory {self._p.memory}: all {done} episodes are done, and none begins")
 
     def close(self) -> None:
         """End the episode, give back the plant."""
@@ -109,7 +109,7 @@ class SimulatorNode(CheckedNode):
             check_plan(message, (now,) if self._player.state is None else (now - 1, now))
         except Refused:
             if message.after_episode > now:  # the trainer was led astray: it hears where the simulator stands
-                self._player.announce(self._player.episode.phase)
+                self._announce()
             raise
         self._message_counter.accept("episode_plan")
         self._plan = message
@@ -141,7 +141,7 @@ class SimulatorNode(CheckedNode):
     def _go_on(self) -> None:
         """Step, if the torque is there, nobody paused and the pace allows it."""
         if self._player.torque is not None and self._player.ticks.due and not self._paused:
-            self._player.step_answered(self._player.torque)
+            self._player.step(self._player.torque)
 
     def _look(self) -> None:
         """Begin what can begin; end what nobody answers."""
@@ -156,9 +156,9 @@ class SimulatorNode(CheckedNode):
 
     def _remind(self, state: RobotState) -> None:
         """Ask for a torque again, or end the episode."""
-        if self._player.wait.seconds > self._own.answer_timeout:
+        if self._player.wait.seconds > self._p.answer_timeout:
             self._live_controllers.said_nothing()
-            self._player.end("silent", f"no torque for tick {state.tick} came in {self._own.answer_timeout:g} s")
+            self._player.end("silent", f"no torque for tick {state.tick} came in {self._p.answer_timeout:g} s")
         elif self._player.wait.is_reminder_due():
             self._live_controllers.asked_again()
             if self._player.wait.reminders == 1:
@@ -173,44 +173,41 @@ class SimulatorNode(CheckedNode):
 
     def _is_planned(self) -> bool:
         """Whether the trainer has planned the next episode, where that matters."""
-        there = self._own.trainer in ("wait", "follow") or (
-            self._own.trainer == "auto" and self._plans.get_publisher_count() > 0
+        there = self._p.trainer in ("wait", "follow") or (
+            self._p.trainer == "auto" and self._plans.get_publisher_count() > 0
         )
         return self._next_plan is not None or not there
 
     def _begin_next(self) -> None:
         done = self._player.episode.episode
-        if done >= self._own.episodes or not self._answered_by_someone():
+        if done >= self._p.episodes or not self._answered_by_someone():
             return
         if not self._is_planned():
-            if self._player.wait.seconds > self._own.trainer_timeout:
-                self._player.give_up(f"the trainer has planned nothing in {self._own.trainer_timeout:g} s")
+            if self._player.wait.seconds > self._p.trainer_timeout:
+                self._player.give_up(f"the trainer has planned nothing in {self._p.trainer_timeout:g} s")
             elif self._player.wait.is_reminder_due():  # it may not have heard the end
-                self._player.announce(self._player.episode.phase)
-        elif self._own.trainer in ("follow", "auto") and (plan := self._next_plan) is not None:
+                self._announce()
+        elif self._p.trainer in ("follow", "auto") and (plan := self._next_plan) is not None:
             self._player.begin(plan.seed, plan.sigma, plan.policy_version)
         else:
-            self._player.begin(self._own.seed + done)
+            self._player.begin(self._p.seed + done)
 
     def _answered_by_someone(self) -> bool:
-        is_heard = self._player.topics.readers >= self._own.readers
+        is_heard = self._player.topics.readers >= self._p.readers
         return is_heard and self._live_controllers.any and self._others.may_play
 
-    def _claim(self) -> None:
+    def _announce(self) -> None:
         self._player.announce(self._player.episode.phase)
 
-    def _give_way(self, reason: str) -> None:
-        self._player.end("reset", reason)
-
-    def _set_pace(self, own: PlayerParameters) -> None:
+    def _set_pace(self, parameters: PlayerParameters) -> None:
         """Follow a new pace between two ticks."""
-        self._own = own
-        self._player.ticks.set_pace(own.pace or float(own.real_time))
+        self._p = parameters
+        self._player.ticks.set_pace(parameters.pace or float(parameters.real_time))
         self._go_on()  # with the torque that waited for its time
 
     def _on_due(self) -> None:
         self._go_on()
-        if self._player.ticks.due and self._own.real_time and self.executor is not None:
+        if self._player.ticks.due and self._p.real_time and self.executor is not None:
             self.executor.create_task(self._do_without)  # behind what has come in already
 
     def _do_without(self) -> None:
@@ -234,7 +231,7 @@ class SimulatorNode(CheckedNode):
         e, punctuality = self._player.episode, self._player.ticks.punctuality
         figures = {"episode": e.episode, "outcome": e.outcome, "paused": self._paused, "scheduling": scheduling()}
         figures |= {"ticks": self._player.clock_ticks, **self._player.topics.figures}
-        if self._own.real_time:
+        if self._p.real_time:
             figures |= punctuality.figures
         if missing := self._missing():
             return WARN, f"waiting for {missing}", figures

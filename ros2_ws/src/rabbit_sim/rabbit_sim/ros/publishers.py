@@ -118,10 +118,10 @@ class RabbitPublishers(Publishers):
     """RABBIT's.
 
     With a lab's sensors the state is another node's estimate; the truth is published too, for judges alone.
-    A robot's own drivers say what its sensors say.
+    What a robot's sensors say, the robot's drivers publish.
     """
 
-    def __init__(self, node: Node, simulation: Simulation, own: PlayerParameters, sender: str) -> None:
+    def __init__(self, node: Node, simulation: Simulation, parameters: PlayerParameters, sender: str) -> None:
         p = simulation.parameters
         super().__init__(node, sender, "measured" if p.sensors == "lab" else "state")
         self._simulation, self.is_lab, self.stones = simulation, p.sensors == "lab", p.stones
@@ -130,11 +130,11 @@ class RabbitPublishers(Publishers):
             self._truth = node.create_publisher(StateMessage, "true_state", TICK)
             gyro, accelerometer = p.gyro_noise**2 + p.gyro_bias**2, p.accelerometer_noise**2 + p.accelerometer_bias**2
             self._variances = p.attitude_error**2, gyro, accelerometer
-        has_drivers = not own.IS_SIMULATED
+        has_drivers = not parameters.IS_SIMULATED
         self._joints = None if has_drivers else node.create_publisher(JointState, "joint_states", TICK)
         feet = () if has_drivers else FEET
         self._wrenches = [node.create_publisher(WrenchStamped, f"{foot}_foot/wrench", TICK) for foot in feet]
-        self._frames = RobotFrames(node) if own.publish_tf and not self.is_lab else None
+        self._frames = RobotFrames(node) if parameters.publish_tf and not self.is_lab else None
         self._previews = node.create_publisher(PreviewMessage, "preview", EVENT)
         self._landings = node.create_publisher(LandingMessage, "landing", EVENT)
         self._preview: StonePreview | None = None
@@ -149,17 +149,14 @@ class RabbitPublishers(Publishers):
         return {"force ratio": float(force_ratio(self._newest.foot_force[Leg.standing(self._newest.touchdowns)]))}
 
     def begin(self, e: Episode) -> None:
-        """See `Publishers`."""
         self._preview, self._landings_sent = None, 0
         super().begin(e)
 
     def end(self, e: Episode) -> None:
-        """See `Publishers`."""
         self._newest = None
         super().end(e)
 
     def tick(self, state: RobotState, episode: int, at: Header) -> None:
-        """See `Publishers`."""
         reading, landings = self._simulation.reading, self._simulation.landings
         if state.preview is not None and state.preview != self._preview:
             self._previews.publish(preview_message(state.preview, episode, at, self.sender))
@@ -184,7 +181,6 @@ class RabbitPublishers(Publishers):
         self._newest = state
 
     def again(self, state: RobotState, episode: int, at: Header) -> None:
-        """See `Publishers`."""
         if state.preview is not None:
             self._previews.publish(preview_message(state.preview, episode, at, self.sender))
         super().again(state, episode, at)

@@ -39,13 +39,13 @@ class TaskRobotNode(CheckedNode):
 
     def __init__(self) -> None:
         super().__init__("robot")
-        own = declare(self, NodeParameters)
+        parameters = declare(self, NodeParameters)
         refuse_unknown(self)
-        self._simulation = TaskSimulation(load_task(own.task))
+        self._simulation = TaskSimulation(load_task(parameters.task))
         self._topics = TaskPublishers(self, self._simulation.task, self.get_name())
         self._u = np.zeros(len(self._simulation.layout.joints))
         self._state: RobotState | None = None  # None: nobody has heard it yet
-        self._seed, self._episode, self._ticks = own.seed, 0, 0
+        self._seed, self._episode, self._ticks = parameters.seed, 0, 0
         self._hear(Float64MultiArray, "commands", self._on_command, TICK)
         self._diagnostics = Diagnostics(self, self._message_counter, self._status)
         steady_timer(self, self._simulation.tick_seconds, self._tick)

@@ -28,8 +28,8 @@ def view(given: Given) -> None:
     with complaints(LaunchError):
         path = find_executable("rabbit_viewer", "viewer")
     os.environ.setdefault("OMP_NUM_THREADS", "1")
-    own = chosen.model_dump(include=set(ViewerParameters.model_fields))
-    words = [word for name, value in own.items() for word in ("-p", f"{name}:={json.dumps(value)}")]
+    parameters = chosen.model_dump(include=set(ViewerParameters.model_fields))
+    words = [word for name, value in parameters.items() for word in ("-p", f"{name}:={json.dumps(value)}")]
     enclave = "/rabbit/viewer_control" if chosen.control else "/rabbit/viewer"
     remaps = ("-r", f"__ns:=/{chosen.namespace.strip('/')}", "--enclave", enclave, "--log-level", "warn")
     os.execv(path, [str(path), "--ros-args", *words, *remaps])

@@ -62,15 +62,10 @@ class GraphPage:
             drawn = {**drawn, "tick_seconds": seconds}
             self._of, self._maker = of, RowMaker(drawn, output.quantities, output.barrier_names)
             walker = f"policy {output.policy_version}" if output.policy_version else episode.controller
-            about = {
-                "mode": "graph",
-                "title": f"episode {episode.episode}, seed {episode.seed}",
-                "stones": episode.stones or None,
-                "tick_seconds": seconds,
-                "walkers": [self._maker.about(walker)],
-                "control": self._control,
-            }
-            self._broadcast.begin(about)
+            about = {"mode": "graph", "title": f"episode {episode.episode}, seed {episode.seed}"}
+            numbers = {"stones": episode.stones or None, "tick_seconds": seconds}
+            walkers = [self._maker.about(walker)]
+            self._broadcast.begin({**about, **numbers, "walkers": walkers, "control": self._control})
         self._broadcast.add(packed(self._maker.row(state, output)))
 
     def say_episode(self, episode: Any, phase: str) -> None:

@@ -40,9 +40,9 @@ def find_file(path: str) -> tuple[str, bytes] | None:
 @cache
 def contents() -> dict[str, tuple[str, bytes]]:
     """Kind and content of all files, by name."""
-    found = [*STATIC.iterdir(), *(STATIC / "uplot").iterdir()]
-    named = {(f"uplot/{file.name}" if "uPlot" in file.name else file.name): file for file in found if file.is_file()}
-    return {name: (KINDS[name.rpartition(".")[2]], file.read_bytes()) for name, file in named.items() if "." in name}
+    paths = [*STATIC.iterdir(), *(STATIC / "uplot").iterdir()]
+    named = {(f"uplot/{path.name}" if "uPlot" in path.name else path.name): path for path in paths if path.is_file()}
+    return {name: (KINDS[name.rpartition(".")[2]], path.read_bytes()) for name, path in named.items() if "." in name}
 
 
 def write_page(path: Path, broadcast: Broadcast) -> Path:

@@ -98,7 +98,7 @@ def show(
 
 
 class Explainer:
-    """Explains ticks of a recording, one at a time, in a thread of its own: a replay takes a second or more."""
+    """Explains ticks of a recording, one at a time, in another thread: a replay takes a second or more."""
 
     def __init__(self, broadcast: Broadcast, explain: Callable[[int], list[str]]) -> None:
         self._broadcast, self._lines = broadcast, explain
@@ -122,9 +122,9 @@ class Explainer:
 
 
 def ticks(walk: WalkRecords) -> list[Any]:
-    """Each tick with the fields of `RobotState` and `ControllerOutput` that a row needs."""
+    """The ticks, with the fields of `RobotState` and `ControllerOutput` that a row needs."""
     names = ARRAYS.keys() - {*SEEN, "landings"}
-    found = [SimpleNamespace(**{name: getattr(walk, name)[row] for name in names}) for row in range(len(walk.tick))]
-    for tick, (near, far), height in zip(found, walk.preview.tolist(), walk.stone_height.tolist(), strict=True):
+    ticks = [SimpleNamespace(**{name: getattr(walk, name)[row] for name in names}) for row in range(len(walk.tick))]
+    for tick, (near, far), height in zip(ticks, walk.preview.tolist(), walk.stone_height.tolist(), strict=True):
         tick.preview = StonePreview(tick.touchdowns + 1, near, far, height) if np.isfinite(near) else None
-    return found
+    return ticks

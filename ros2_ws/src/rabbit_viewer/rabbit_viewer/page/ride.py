@@ -1,4 +1,4 @@
-"""A ride on the page in the browser: each tick as a row of numbers, with the QP's rows and what `draw` makes of it."""
+"""A ride on the page in the browser: ticks as rows of numbers, with the QP's rows and what `draw` makes of a state."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -31,7 +31,7 @@ class RideRows:
         self._rows = list(dict.fromkeys(task.tick.layout.names))
         of = np.array(task.tick.layout.names)
         self._places = [np.flatnonzero(of == name) for name in self._rows]
-        self._barriers = [each.name for each in task.barriers]
+        self._barriers = [barrier.name for barrier in task.barriers]
         self._inputs = [f"u_{name}" for name in task.names_of_u]
         self._states = [] if task.draw else [f"x_{name}" for name in task.names_of_x]
         of_rows = [f"{kind}_{name}" for kind in OF_A_ROW for name in self._rows]
@@ -91,7 +91,7 @@ def numbers_of(shapes: Sequence[Shape], most: int | None = None) -> list[float]:
     numbers = list[float]()
     for shape in shapes:
         points = np.atleast_2d(np.asarray(shape.points if isinstance(shape, Line) else shape.centre, dtype=float))
-        red, green, blue = (round(255 * each) for each in to_rgb(shape.colour))
+        red, green, blue = (round(255 * part) for part in to_rgb(shape.colour))
         count, size = (len(points), shape.width) if isinstance(shape, Line) else (0, shape.radius)
         new = [float(count), float(red << 16 | green << 8 | blue), float(size), *points.ravel().tolist()]
         if most is not None and len(numbers) + len(new) > most:

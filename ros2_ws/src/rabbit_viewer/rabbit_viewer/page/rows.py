@@ -4,7 +4,7 @@
     maker.columns                            the names, in the order of
     maker.row(record.state, record.output)   numbers, NaN where there is none
 
-Lengths in m and in the world frame, forces in N, torques in N m, quantities and slacks in their own units.
+Lengths in m and in the world frame, forces in N, torques in N m, quantities and slacks in their units.
 """
 
 import math
@@ -72,7 +72,7 @@ class RowMaker:
         """Of a tick; `state` and `output` have the fields of `RobotState` and `ControllerOutput`.
 
         What is too large to compute with is infinite or NaN. `true`: the errors (n,) of the nominal quantities at this
-        tick, by the plant's own model. `estimated_*`, `measured_*` and `true_*` are the errors over the tick before.
+        tick, by the plant's model. `estimated_*`, `measured_*` and `true_*` are the errors over the tick before.
         """
         q = state.q[None]
         points = np.concatenate([torso_points(q)[0], *(leg_points(q, leg, self._links)[0, 1:] for leg in Leg)])

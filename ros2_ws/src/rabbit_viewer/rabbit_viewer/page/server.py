@@ -72,10 +72,10 @@ def log_error(_: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
 
 
 class PageServer:
-    """The page of a `Broadcast`, served from a thread of its own. `address`: of the page."""
+    """The page of a `Broadcast`, served from another thread. `address`: of the page."""
 
     def __init__(self, broadcast: Broadcast, answer: Answer, port: int, host: str = HOST) -> None:
-        """`answer` is called in the thread with each message of a browser; `port` 0: any free one.
+        """`answer` is called in that thread with the messages of browsers; `port` 0: any free one.
 
         Raises:
             PageError: the port is taken, or `host` is no address of this machine.
@@ -127,7 +127,7 @@ class PageServer:
             raise PageError(f"page at {host}:{port}: {reason}; expected this machine's address, a free port") from error
 
     async def _close(self) -> None:
-        """Close each connection; one that has not closed within `CLOSING_SECONDS` is cut."""
+        """Close the connections; one that has not closed within `CLOSING_SECONDS` is cut."""
         self._server.close()
         with contextlib.suppress(TimeoutError):
             await asyncio.wait_for(self._server.wait_closed(), CLOSING_SECONDS)
@@ -152,10 +152,10 @@ class PageServer:
         if path == SOCKET:
             full = len(self._server.connections) > MOST_BROWSERS
             return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, "too many browsers\n") if full else None
-        found = (KINDS["html"], page_with(self._broadcast).encode()) if path == SAVED else find_file(path)
-        if found is None:
+        file = (KINDS["html"], page_with(self._broadcast).encode()) if path == SAVED else find_file(path)
+        if file is None:
             return connection.respond(HTTPStatus.NOT_FOUND, "no such file\n")
-        kind, body = found
+        kind, body = file
         length = str(len(body))
         headers = Headers({"Content-Type": kind, "Content-Length": length, "Connection": "close", **SAFE})
         return Response(HTTPStatus.OK, "OK", headers, body)
@@ -167,8 +167,7 @@ class PageServer:
             async for message in connection:
                 now = asyncio.get_running_loop().time()
                 since, count = (since, count + 1) if now - since < 1 else (now, 1)
-                refusal = self._answered(message, count)
-                if refusal:
+                if refusal := self._answered(message, count):
                     await connection.send(json.dumps({"type": "refused", "text": refusal}))
                 await asyncio.sleep(0)  # let the others go on: messages that have come are read without a pause
         except ConnectionClosed:

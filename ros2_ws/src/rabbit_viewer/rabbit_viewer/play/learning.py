@@ -1,4 +1,4 @@
-"""A training next to the walk, as `rabbit train` does it, in a process of its own: a policy after each episode."""
+"""A training next to the walk, as `rabbit train` does it, in another process: a policy after each episode."""
 
 import os
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Plays a walk: the robots on one course, and a recording beside them. Runs in a process of its own."""
+"""Plays a walk: the robots on one course, and a recording beside them. Runs in a process without the page."""
 
 from functools import cache
 from pathlib import Path
@@ -93,8 +93,7 @@ class Player(playing.Playing):
             option = f"--{error.option} " if isinstance(error, AssemblyError) else ""
             raise PlayError(f"{option}{error}") from error
 
-    def made(self, settings: PlaySettings) -> tuple[list[Walker | RecordedWalker], dict[str, Any]]:
-        """See `Playing`."""
+    def make_walkers(self, settings: PlaySettings) -> tuple[list[Walker | RecordedWalker], dict[str, Any]]:
         plant = plant_of(self._start.plant, settings)
         names = [name for name in (settings.first, settings.second) if name != NOBODY]
         walkers = [self._walker(name, plant, settings.seed) for name in names]
@@ -118,7 +117,8 @@ class Player(playing.Playing):
     @property
     def robots(self) -> dict[str, Walker]:
         """Those that are simulated, by the setting that chose them: not what was recorded."""
-        return {name: each for name, each in zip(ROBOTS, self.walkers, strict=False) if isinstance(each, Walker)}
+        pairs = zip(ROBOTS, self.walkers, strict=False)
+        return {name: walker for name, walker in pairs if isinstance(walker, Walker)}
 
     def close(self) -> None:
         """Give back the plants."""

@@ -51,7 +51,7 @@ class Playing(ABC):
 
     tick_seconds: float
     model: type[BaseModel]
-    unusable: tuple[type[Exception], ...]  # what `made` raises where settings cannot be played
+    unusable: tuple[type[Exception], ...]  # what `make_walkers` raises where settings cannot be played
 
     def __init__(self, settings: Any, send: Send) -> None:
         """Raises one of `unusable`."""
@@ -64,7 +64,7 @@ class Playing(ABC):
         self.reset()
 
     @abstractmethod
-    def made(self, settings: Any) -> tuple[Sequence[Shown], dict[str, Any]]:
+    def make_walkers(self, settings: Any) -> tuple[Sequence[Shown], dict[str, Any]]:
         """Those that are played under the settings, and what the page is told; raises one of `unusable`."""
 
     @abstractmethod
@@ -95,7 +95,7 @@ class Playing(ABC):
     def reset(self) -> None:
         """Begin again as chosen; raises one of `unusable` where that cannot be played, and nothing changes."""
         settings = self._chosen
-        walkers, about = self.made(settings)
+        walkers, about = self.make_walkers(settings)
         self.close()
         self.walkers, self._settings = walkers, settings
         self._tick = self._after_end = 0

@@ -1,7 +1,7 @@
 """The processes of `rabbit play`, and the page between them and the browsers.
 
-A process tells its news through a pipe, each as a method of `Broadcast` with its arguments: see `tell`. What browsers
-ask waits in a queue, from which the player takes it between two ticks. The page never waits for a process.
+A process tells its news through a pipe, as methods of `Broadcast` with arguments: see `tell`. What browsers ask waits
+in a queue, from which the player takes it between two ticks. The page never waits for a process.
 """
 
 import multiprocessing
@@ -85,8 +85,8 @@ def serve(
 ) -> None:
     """Play and serve until Ctrl-C or SIGTERM, or until the player has ended.
 
-    `player` is called in a process of its own with what it sends by, `start`, and what is asked, if it passes `check`;
-    so is each target of those `beside`, with its arguments.
+    `player` is called in another process with what it sends by, `start`, and what is asked, if it passes `check`; so
+    are the targets `beside`, with their arguments.
 
     Raises:
         PageError: the port is taken.
@@ -99,7 +99,7 @@ def serve(
         stack.enter_context(closing(page))
         stack.enter_context(suppress(KeyboardInterrupt))
         playing = stack.enter_context(process(player, start, wishes))
-        sources = [playing, *(stack.enter_context(process(*each, wishes)) for each in beside)]
+        sources = [playing, *(stack.enter_context(process(*target, wishes)) for target in beside)]
         page.announce(opens_browser)  # with its processes begun, which a flood of connections would keep from beginning
         while playing in sources:
             ready: list[Any] = wait(sources)

@@ -52,8 +52,8 @@ def shown(
 
 
 def of_the_plant() -> dict[str, Any]:
-    """Type and field of each of the plant's parameters that have a `rabbit_sim.perturbation.Control`."""
-    found = {}
+    """Type and field of those of the plant's parameters that have a `rabbit_sim.perturbation.Control`."""
+    plant_fields = {}
     for name, schema in SimulationParameters.model_json_schema()["properties"].items():
         if control := schema.get("control"):
             low, high = (
@@ -64,12 +64,12 @@ def of_the_plant() -> dict[str, Any]:
             group: dict[str, Any] = {} if control["first"] else {"group": "laboratory"}
             kind = SimulationParameters.model_fields[name].annotation
             default = DEFAULTS.get(name, schema["default"])
-            found[name] = (Number if kind is float else kind, shown(default, low, high, *about, **group))
-    return found
+            plant_fields[name] = (Number if kind is float else kind, shown(default, low, high, *about, **group))
+    return plant_fields
 
 
 if TYPE_CHECKING:
-    OfThePlant = Any  # fields of files that are found
+    OfThePlant = Any  # the fields of `of_the_plant`
 else:
     OfThePlant = create_model("OfThePlant", __base__=Checked, **of_the_plant())
 
@@ -158,17 +158,17 @@ def controller_of(
 
 
 def controls(start: "Start | None" = None) -> list[dict[str, Any]]:
-    """What the page shows of each setting, the robots first, see `described`."""
+    """What the page shows of the settings, the robots first, see `described`."""
     absent = {YOURS: not (start and start.yours), RECORDED: not (start and start.recording)}
-    found = described(PlaySettings)
-    for control in found:
+    entries = described(PlaySettings)
+    for control in entries:
         if control["name"] in ROBOTS:
             control["enum"] = [choice for choice in control["enum"] if not absent.get(choice)]
-    return sorted(found, key=lambda control: control["name"] not in ROBOTS)
+    return sorted(entries, key=lambda control: control["name"] not in ROBOTS)
 
 
 def described(settings: type[BaseModel]) -> list[dict[str, Any]]:
-    """Of each setting its name, title, choices or bounds, step, unit, when it acts."""
+    """Name, title, choices or bounds, step and unit of the settings, and when they act."""
     shown = ("title", "enum", "minimum", "maximum", "step", "unit", "when", "group", "type", "default")
     fields = settings.model_json_schema()["properties"].items()
     return [{"name": name, **{key: schema[key] for key in shown if key in schema}} for name, schema in fields]

@@ -53,27 +53,28 @@ def title_of(name: str, start: Start) -> str:
 def opening(start: Start, settings: PlaySettings) -> str:
     """One sentence: which plant, which robots."""
     names = [name for name in (settings.first, settings.second) if name != NOBODY]
-    both, s, own = ("Both robots", "", "their controllers believe") if names[1:] else ("The robot", "s", "it believes")
+    both, s, belief = "The robot", "s", "it believes"
+    if names[1:]:
+        both, s, belief = "Both robots", "", "their controllers believe"
     differences = []
     if settings.mass_scale != 1:
         times = TIMES.get(settings.mass_scale, f"{settings.mass_scale:g} times what")
-        differences.append(f"weigh{s} {times} {own}")
+        differences.append(f"weigh{s} {times} {belief}")
     if settings.payload:
         differences.append(f"carr{'ies' if s else 'y'} {settings.payload:g} kg of which no model knows")
     if settings.slope:
         differences.append(f"walk{s} {'up' if settings.slope > 0 else 'down'} {abs(settings.slope):g}° unawares")
     if settings.motor_power != 1:
         differences.append(f"{'has' if s else 'have'} motors of {settings.motor_power:.0%} power")
-    said = " and ".join(differences) or f"walk{s} as {own}"
+    said = " and ".join(differences) or f"walk{s} as {belief}"
     return f"{both} {said}: " + "; ".join(title_of(name, start).replace(": ", " ", 1) for name in names) + "."
 
 
 def next_things(settings: PlaySettings) -> list[dict[str, Any]]:
-    """Three things to try, each as what the page asks for: a push, another robot, why it fell."""
+    """Three things to try, as what the page asks for: a push, another robot, why it fell."""
     mass = 0.5 if settings.mass_scale > 1 else 3.0
     text = "Half the mass" if mass < 1 else "3 times the mass"
-    other = {"text": text, "do": {"do": "begin", "settings": {"mass_scale": mass}}}
-    return [WHY, other, PUSH]
+    return [WHY, {"text": text, "do": {"do": "begin", "settings": {"mass_scale": mass}}}, PUSH]
 
 
 def why_it_fell(
@@ -93,7 +94,7 @@ def why_it_fell(
     elif outcome == "flight":
         row, quantity, sign = "C1", "C1", 1
     last = max((tick.output.step_index for tick in kept if stands(tick.state.q[None])), default=0) - bool(missed)
-    found = [
+    broken = [
         (sign * (promised(tick, quantity) - measured(after, quantity)), tick, after)
         for tick, after in pairwise(kept)
         if stands(tick.state.q[None])
@@ -103,9 +104,9 @@ def why_it_fell(
     ]
     walked = max((tick.state.touchdowns for tick in kept), default=0)
     where = f"{name} fell {f'after {walked} stone' + 's' * (walked > 1) if walked else 'at the first stone'}"
-    if not (found := [each for each in found if np.isfinite(each[0])]):
+    if not (broken := [entry for entry in broken if np.isfinite(entry[0])]):
         return {"reason": f"{where}."}
-    _, tick, after = max(found, key=lambda each: each[0])
+    _, tick, after = max(broken, key=lambda entry: entry[0])
     (meaning, unit), was, did = WORDS[row], promised(tick, quantity), measured(after, quantity)
     said = f"its model promised {number(was)} {unit}, {number(did)} was measured"
     if row == "CLF":

@@ -51,9 +51,8 @@ def check_asked(settings: type[Checked], asked: Asked) -> None:
 
 def settings_of(task: ControlTask, start: Start) -> type[Checked]:
     """What can be chosen: controllers, the plant's parameters, changes of what is commanded."""
-    names = start.controllers
+    names, when = start.controllers, {"when": "reset"}
     second: Any = names[1] if names[1:] else NOBODY
-    when = {"when": "reset"}
     fields: dict[str, Any] = {
         "first": (Literal[names], Field(names[0], title="controller", json_schema_extra=dict(when))),
         "second": (Literal[(*names, NOBODY)], Field(second, title="beside it", json_schema_extra=dict(when))),
@@ -73,8 +72,7 @@ def settings_of(task: ControlTask, start: Start) -> type[Checked]:
     again = Field("next course", title="at the end", json_schema_extra={"when": "now"})
     fields["seed"] = (int, shown(start.seed, 0, 2**31 - 1, "seed", when="reset"))
     fields["again"] = (Literal["wait", "same course", "next course"], again)
-    made: type[Checked] = create_model("TaskSettings", __base__=Checked, **fields)
-    return made
+    return create_model("TaskSettings", __base__=Checked, **fields)
 
 
 def step(*values: float) -> float:
@@ -92,25 +90,25 @@ def bounds(true: float, believed: float) -> tuple[float, float]:
 
 def rates_of(task: ControlTask) -> set[str] | None:
     """Commanded parameters that are another one's rate; None where a rate is a further expression."""
-    named, rates = task.system.named, [ca.SX(each) for each in task.system.rates.values()]
-    found = {name for name in task.commanded if any(ca.is_equal(named[name], rate) for rate in rates)}
-    return found if all(any(ca.is_equal(named[name], rate) for name in found) for rate in rates) else None
+    named, rates = task.system.named, [ca.SX(rate) for rate in task.system.rates.values()]
+    names = {name for name in task.commanded if any(ca.is_equal(named[name], rate) for rate in rates)}
+    return names if all(any(ca.is_equal(named[name], rate) for name in names) for rate in rates) else None
 
 
-def altered(task: ControlTask, settings: Any, given: Given) -> Given:
+def altered(task: ControlTask, settings: Any, commands: Given) -> Given:
     """What is commanded and announced under the settings."""
     rates, chosen = rates_of(task) or set(), settings.model_dump()
     pace = chosen.get("pace", 1.0)
 
     def at(t: float, impacts: int) -> dict[str, float]:
-        values = given(pace * t, impacts).items()
+        values = commands(pace * t, impacts).items()
         return {name: pace * v if name in rates else v + chosen.get(ADDED + name, 0.0) for name, v in values}
 
     return at
 
 
 class PlayedRide:
-    """A ride, tick by tick; see `playing.Shown`. A task is a person's own code: whatever it raises ends its ride."""
+    """A ride, tick by tick; see `playing.Shown`. A task is a user's code: whatever it raises ends its ride."""
 
     def __init__(self, task: ControlTask, name: str, rows: RideRows, settings: Any) -> None:
         """Raises `TaskError`."""
@@ -164,23 +162,22 @@ class TaskPlayer(playing.Playing):
     def __init__(self, start: Start, send: playing.Send) -> None:
         """Raises `PlayError`."""
         self._start, task = start, load_task(start.source)
-        self._tasks = task, replace(task)  # each with a tick of its own
+        self._tasks = task, replace(task)  # whose ticks are different objects
         self.tick_seconds = task.seconds
         self.model = settings_of(task, start)
         self._rides: list[PlayedRide] = []
         try:
-            x, given, _ = task.beginning(start.seed)
-            most = ROOM * len(numbers_of(pictured(task, x, task.parameters_at({}, given(0.0, 0)))))
-            self._rows = [RideRows(each, most) for each in self._tasks]
+            x, commands, _ = task.beginning(start.seed)
+            most = ROOM * len(numbers_of(pictured(task, x, task.parameters_at({}, commands(0.0, 0)))))
+            self._rows = [RideRows(task, most) for task in self._tasks]
             super().__init__(self.model(), send)
         except TaskError as error:
             raise PlayError(str(error)) from error
 
-    def made(self, settings: Any) -> tuple[list[PlayedRide], dict[str, Any]]:
-        """See `Playing`."""
+    def make_walkers(self, settings: Any) -> tuple[list[PlayedRide], dict[str, Any]]:
         names = [name for name in (settings.first, settings.second) if name != NOBODY]
         played = zip(self._tasks, names, self._rows, strict=False)
-        self._rides = rides = [PlayedRide(*each, settings) for each in played]
+        self._rides = rides = [PlayedRide(task, name, rows, settings) for task, name, rows in played]
         self._change(settings)
         about = {
             "title": f"{self._tasks[0].name}, seed {settings.seed}",
@@ -193,7 +190,6 @@ class TaskPlayer(playing.Playing):
         return rides, about
 
     def set(self, settings: Any) -> None:
-        """See `Playing`."""
         self._chosen = settings
         now = {name: value for name, value in settings.model_dump().items() if name.startswith(TRUE)}
         self._settings = self._settings.model_copy(update={**now, "again": settings.again})

@@ -49,12 +49,11 @@ class Walker:
         parameters, policy = self._choice(name)
         self._assembly = Assembly(plant, parameters, policy)
         self._simulation, self._controller = self._assembly.build()
-        quantities = self._controller.qp.names
-        names, rows = self._controller.barrier_names, self._controller.qp.layout.names
-        about = about_walk(parameters, plant, policy, seed, "")
-        self._maker = RowMaker(about, quantities, names, knows_plant=True, rows=rows)
+        qp, about = self._controller.qp, about_walk(parameters, plant, policy, seed, "")
+        barriers, rows = self._controller.barrier_names, qp.layout.names
+        self._maker = RowMaker(about, qp.names, barriers, knows_plant=True, rows=rows)
         self._oracle = self._make_oracle()
-        self._true = np.full(len(quantities), np.nan)
+        self._true = np.full(len(qp.names), np.nan)
         self._controller.reset(seed)
         self._state = self._simulation.reset(seed)
         self._output: ControllerOutput
@@ -91,16 +90,16 @@ class Walker:
     def explain(self, tick: int) -> list[str]:
         """A tick in words; raises `ValueError` where it is not kept, or no solver answered it."""
         near = {kept.output.tick: kept for kept in self._kept if abs(kept.output.tick - tick) <= 1}
-        found = [near[k] for k in (tick - 1, tick) if k in near]
+        both = [near[k] for k in (tick - 1, tick) if k in near]
         if tick not in near:
             first, last = (self._kept[i].output.tick if self._kept else 0 for i in (0, -1))
             raise ValueError(f"tick {tick} of {self.name}: expected one from {first} to {last}, which are kept")
         programme, seconds = self._controller.qp, self._assembly.simulation.tick_seconds
         explained = [
             explain(programme, kept.scene.x, kept.scene.p, kept.estimates, kept.decided, measured_over(after))
-            for kept, after in ((kept, near.get(kept.output.tick + 1)) for kept in found)
+            for kept, after in ((kept, near.get(kept.output.tick + 1)) for kept in both)
         ]
-        *before, now = zip(found, explained, strict=True)
+        *before, now = zip(both, explained, strict=True)
         return explained_tick(f"robot {self.name}", now, before[0] if before else None, tick_seconds=seconds).lines()
 
     def close(self) -> None:

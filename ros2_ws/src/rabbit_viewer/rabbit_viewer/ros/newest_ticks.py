@@ -20,11 +20,11 @@ KEPT = 16  # ticks that wait for their last part
 
 
 class NewestTicks:
-    """The newest ticks of which there is a message on each of some topics; all begin with header, episode, tick.
+    """The newest ticks of which there are messages on all of some topics; they begin with header, episode, tick.
 
-    `parts`: of the newest tick, by topic. The subscriptions belong to a node of their own, which no executor spins, so
-    that messages wait. It is hidden, as a name with a leading underscore says, is named after `node`, and hears the
-    topics under the names that `node` was given for them.
+    `parts`: of the newest tick, by topic. The subscriptions belong to another node, which no executor spins, so that
+    messages wait. It is hidden, as a name with a leading underscore says, is named after `node`, and hears the topics
+    under the names that `node` was given for them.
     """
 
     def __init__(self, node: Node) -> None:
@@ -80,8 +80,8 @@ class NewestTicks:
 
 def checked_tick(parts: dict[str, bytes]) -> tuple[RobotState, ControllerState | None, LearnerTerms | None]:
     """The messages of a tick; None where there is none of the controller's. Raises `Refused`."""
-    found = {name: decoded(data, TICK_TOPICS[name], {}) for name, data in parts.items()}
-    state, details, terms = found["state"], found.get("controller_state"), found.get("learner_terms")
+    messages = {name: decoded(data, TICK_TOPICS[name], {}) for name, data in parts.items()}
+    state, details, terms = messages["state"], messages.get("controller_state"), messages.get("learner_terms")
     check_lengths(state, LENGTHS)
     check_finite("q", state.q)
     check_finite("foot_force", state.foot_force)

@@ -56,7 +56,7 @@ def markers(state: Any, foot: float, ahead: StonePreview | None, landings: Seque
         landings: the last ones, the newest last, objects with the fields of `Landing`.
     """
     header = Header(stamp=state.header.stamp, frame_id=WORLD)
-    made = [Marker(header=header, action=Marker.DELETEALL)]
+    boxes = [Marker(header=header, action=Marker.DELETEALL)]
     stones = world_stones(foot, ahead, landings, state.touchdowns)
     for number, (near, far) in enumerate(stones or [(foot - GROUND, foot + GROUND)]):
         is_next = ahead is not None and number == len(stones) - 1
@@ -64,8 +64,8 @@ def markers(state: Any, foot: float, ahead: StonePreview | None, landings: Seque
         box = Marker(header=header, ns="stones", id=number, type=Marker.CUBE)
         box.scale, box.color = Vector3(x=far - near, y=STONE_BREADTH, z=DEPTH), ColorRGBA(r=red, g=green, b=blue, a=1.0)
         box.pose.position, box.pose.orientation.w = Point(x=(near + far) / 2, z=-DEPTH / 2), 1.0
-        made.append(box)
-    return MarkerArray(markers=made)
+        boxes.append(box)
+    return MarkerArray(markers=boxes)
 
 
 def world_stones(

@@ -47,20 +47,20 @@ class ViewerNode(SimulatorFollower):
 
     def __init__(self) -> None:
         super().__init__("viewer")
-        own = declare(self, ViewerParameters)
+        parameters = declare(self, ViewerParameters)
         refuse_unknown(self)
         self._ticks = NewestTicks(self)  # first, since it takes the middleware up to 0.1 s to find the graph
-        self._page = GraphPage(own.port, own.control, own.host)
-        self._page.page.announce(own.browser)
+        self._page = GraphPage(parameters.port, parameters.control, parameters.host)
+        self._page.page.announce(parameters.browser)
         self.failure = ""  # what ends the node
         self._rviz = RvizTopics(self)
-        services = SERVICES.values() if own.control else ()
+        services = SERVICES.values() if parameters.control else ()
         self._service_clients: dict[str, Any] = {name: self.create_client(kind, name) for name, kind in services}
         self._episode = msg.Episode()
         self._previews: dict[int, StonePreview] = {}  # of this episode, by stone
         self._drawn: dict[str, dict[str, Any]] = {}  # parameters that the page draws, by controller, the newest last
         self._shown_at = 0.0
-        self._patience = (time.monotonic() + own.wait, own.wait)
+        self._patience = (time.monotonic() + parameters.wait, parameters.wait)
         self._hear_simulator(msg.Episode, "episode", self._on_episode, EVENT)
         self._hear_simulator(msg.StonePreview, "preview", self._on_preview, EVENT)
         self._hear(msg.Landing, "landing", self._on_landing, EVENT)
@@ -159,9 +159,9 @@ class ViewerNode(SimulatorFollower):
         """A tick's messages; raises `Refused`, also where the controller's is of one whose torques do not act."""
         state, details, terms = checked_tick(parts)
         e = self._episode
-        for each in filter(None, (details, terms)):
-            if state.episode == e.episode and e.controller not in ("", each.sender):
-                raise Refused("another controller", f"{each.sender}; {e.controller} walks episode {e.episode}")
+        for message in filter(None, (details, terms)):
+            if state.episode == e.episode and e.controller not in ("", message.sender):
+                raise Refused("another controller", f"{message.sender}; {e.controller} walks episode {e.episode}")
         return state, details, terms
 
     def _ahead(self, state: Any) -> StonePreview | None:

@@ -71,11 +71,9 @@ class RabbitAnswerer(Answerer):
         self.controller = Controller(parameters, gaits, zero)
 
     def act(self, state: RobotState) -> Acted:
-        """See `Answerer`."""
         return self.controller.act(state)
 
     def figures(self) -> dict[str, object]:
-        """See `Answerer`."""
         output = self.controller.output()
         barriers = zip(output.barrier_names, output.barriers.tolist(), strict=True)
         return {
@@ -86,7 +84,7 @@ class RabbitAnswerer(Answerer):
 
 
 class TaskAnswerer(Answerer):
-    """With a task's controllers, by name, and its policies."""
+    """With a task's controllers, by name, and policies."""
 
     controller: TaskController
 
@@ -103,12 +101,11 @@ class TaskAnswerer(Answerer):
         self.fit: Fit = self.controller.fitted
 
     def begin(self, episode: Episode) -> None:
-        """See `Answerer`."""
         self.controller.sigma = 0.0 if math.isnan(episode.sigma) else episode.sigma
         super().begin(episode)
 
     def act(self, state: RobotState) -> ControllerOutput:
-        """See `Answerer`; what a controller of the task's own raises becomes a ValueError of one line."""
+        """What a controller that a task brings raises becomes a ValueError of one line."""
         try:
             return self.controller.step(state)
         except Exception as error:

@@ -57,25 +57,25 @@ class ControllerNode(SimulatorFollower):
     def __init__(self) -> None:
         super().__init__("controller")
         self._sender = f"{self.get_fully_qualified_name()} {secrets.token_hex(8)}"[-128:]
-        own = declare(self, NodeParameters)
+        parameters = declare(self, NodeParameters)
         self._settings: ControllerParameters | None = None  # RABBIT's
         answerer: Answerer
-        if not own.task:
+        if not parameters.task:
             self._settings = declare(self, Settings, dynamic=DYNAMIC)
         refuse_unknown(self)
-        take_priority(own.priority, self.get_logger().warning)
+        take_priority(parameters.priority, self.get_logger().warning)
         if self._settings:
             self._gait = load_gaits(self._settings.gait)
             self._rabbit = answerer = RabbitAnswerer(self._settings, self._gait)
             self._ticks = TickIntake(self._settings.tick_seconds)
             what = f"{self._settings.controller}, gait {self._gait.name}"
         else:
-            task = load_task(own.task)
-            answerer = TaskAnswerer(task, own.policy)
+            task = load_task(parameters.task)
+            answerer = TaskAnswerer(task, parameters.policy)
             self._ticks = TickIntake(task.seconds, task)
             what = f"task {task.name}"
         self._answerer = answerer
-        self._policies = policies.Policies(self, own, answerer.built_in, answerer.fit, self._sender, self._go_on)
+        self._policies = policies.Policies(self, parameters, answerer.built_in, answerer.fit, self._sender, self._go_on)
         answerer.follow(self._policies.in_force.policy)
         self.close = self._policies.close
         self._begun = 0  # the newest episode
@@ -202,7 +202,7 @@ class ControllerNode(SimulatorFollower):
         self._told_settings.publish(msg.ControllerSettings(**turn, **texts, sender=self._sender))
 
     def _set_parameters(self, parameters: ControllerParameters) -> None:
-        """The episode's own sigma goes before the node's."""
+        """The episode's sigma goes before the node's."""
         sigma = self._ticks.episode.sigma
         sigma = parameters.sigma if math.isnan(sigma) else sigma
         self._rabbit.controller.parameters = parameters.model_copy(update={"sigma": sigma})

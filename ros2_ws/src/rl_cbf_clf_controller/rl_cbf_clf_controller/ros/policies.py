@@ -1,7 +1,7 @@
 """The controller's policies: which is in force, which ones wait until they are due, why others were refused.
 
-They come in by the topic `policy`, if it is heard, or by service, by name. The node's own thread only takes the bytes
-or the name. Another thread decodes and checks them, and what is due is put in force between two ticks. The service is
+They come in by the topic `policy`, if it is heard, or by service, by name. The node's thread only takes the bytes or
+the name. Another thread decodes and checks them, and what is due is put in force between two ticks. The service is
 answered when the check is done.
 """
 
@@ -79,7 +79,7 @@ class Policies:
     def __init__(
         self,
         node: Node,
-        own: NodeParameters,
+        parameters: NodeParameters,
         built_in: Mapping[str, CheckedPolicy],
         fit: Fit,
         sender: str,
@@ -91,11 +91,11 @@ class Policies:
         executor once there is something to `take`.
         """
         self._node, self._sender, self._on_checked = node, sender, on_checked
-        self._swap_at, self.hears_published = own.swap_at, own.swap_at != "never"
+        self._swap_at, self.hears_published = parameters.swap_at, parameters.swap_at != "never"
         self._fit, self._built_in = fit, built_in
-        self.in_force = self._named(own.policy)
+        self.in_force = self._named(parameters.policy)
         if self.in_force.policy is None:
-            raise PolicyFileError(f"policy {own.policy}: {self.in_force.reason}")
+            raise PolicyFileError(f"policy {parameters.policy}: {self.in_force.reason}")
         self._checked: deque[CheckedPolicy] = deque()  # from the other thread
         self._waiting: deque[CheckedPolicy] = deque(maxlen=WAITING)  # the newest last
         self._refused: deque[CheckedPolicy] = deque(maxlen=REFUSED)
@@ -141,7 +141,7 @@ class Policies:
         return answer
 
     def _check(self, source: str, check: Callable[[], CheckedPolicy], tell: Callable[[CheckedPolicy], None]) -> None:
-        """Have the other thread `check`, and `tell` what it found: a refusal, whatever it raised."""
+        """Have the other thread `check`, and `tell` the result: a refusal, whatever `check` raised."""
 
         def refuse(reason: str) -> CheckedPolicy:
             return CheckedPolicy("", source, reason=reason)
@@ -154,7 +154,7 @@ class Policies:
     def take(
         self, turn: tuple[int, int], accept: Callable[[str], None], refuse: Callable[[str, Refused], None]
     ) -> None:
-        """Keep what was found of those that came in."""
+        """Keep those that came in and were checked."""
         while self._checked:
             checked = self._checked.popleft()
             if checked.policy is not None:
@@ -172,13 +172,13 @@ class Policies:
 
     def refusal(self, named: str) -> str:
         """Why the policy that an episode names cannot come; empty when it may."""
-        refused = [d.reason for d in self._refused if d.version == named]
+        refused = [policy.reason for policy in self._refused if policy.version == named]
         return f"policy {named} was refused: {refused[-1]}" if refused else ""
 
     def swap(self, turn: tuple[int, int], named: str) -> Any:
         """Put in force what is due at this tick; what came before it is due no more. Returns it, None: no change."""
         episode, tick = turn
-        due = [d for d in self._waiting if d.by_operator or self._swap_at == "tick" or tick == 0]
+        due = [policy for policy in self._waiting if policy.by_operator or self._swap_at == "tick" or tick == 0]
         new = self._here(named) if named else due[-1] if due else None
         while new in self._waiting:
             self._waiting.popleft()
@@ -192,7 +192,7 @@ class Policies:
 
     def _here(self, version: str) -> CheckedPolicy | None:
         here = (self.in_force, *self._waiting)
-        return self._built_in.get(version) or next((d for d in here if d.version == version), None)
+        return self._built_in.get(version) or next((policy for policy in here if policy.version == version), None)
 
     def _tell(self, checked: CheckedPolicy, turn: tuple[int, int]) -> None:
         """A policy is in force since `turn`, episode and tick, or was refused then."""

@@ -1,4 +1,4 @@
-"""The controller of a task before a robot: it answers each state that the robot's own drivers say.
+"""The controller of a task before a robot: it answers the states that the robot's drivers say.
 
     joint_states   sensor_msgs/JointState       in, by the names of the task's coordinates; or
     odom           nav_msgs/Odometry            in, of coordinates x, y, yaw
@@ -71,22 +71,20 @@ class RobotControllerNode(CheckedNode):
     def __init__(self) -> None:
         super().__init__("controller")
         self._sender = f"{self.get_fully_qualified_name()} {secrets.token_hex(8)}"[-128:]
-        self._own = declare(self, RobotParameters)
+        self._settings = p = declare(self, RobotParameters)
         refuse_unknown(self)
-        take_priority(self._own.priority, self.get_logger().warning)
-        self.task = task = load_task(self._own.task)
-        sensed, told = self._own.input == "joint_states", self._own.output == "commands"
+        take_priority(p.priority, self.get_logger().warning)
+        self.task = task = load_task(p.task)
+        sensed, told = p.input == "joint_states", p.output == "commands"
         if not sensed and not set(task.names_of_q) <= set(POSE):
             raise TaskError(f"coordinates = {task.names_of_q}: expected some of {POSE} where odom says the state")
         if not told and not set(task.names_of_u) <= set(TWIST):
             raise TaskError(f"inputs = {task.names_of_u}: expected some of {TWIST} for cmd_vel")
-        self._answerer = answerer = TaskAnswerer(filtering(task) if self._own.filters else task, self._own.policy)
-        self._policies = policies.Policies(
-            self, self._own, answerer.built_in, answerer.fit, self._sender, self._take_policies
-        )
+        self._answerer = answerer = TaskAnswerer(filtering(task) if p.filters else task, p.policy)
+        self._policies = policies.Policies(self, p, answerer.built_in, answerer.fit, self._sender, self._take_policies)
         answerer.follow(self._policies.in_force.policy)
         self.close = self._policies.close
-        self._paused, self._fault, self._ticks = self._own.start_paused, "", 0
+        self._paused, self._fault, self._ticks = p.start_paused, "", 0
         self._wanted = np.zeros(len(task.names_of_u))
         self._p = None if task.commanded else task.parameters_at({}, {})
         self._came = dict.fromkeys(("state", "parameters", "wanted"), -math.inf)  # when, s by the steady clock
@@ -97,7 +95,7 @@ class RobotControllerNode(CheckedNode):
             self._hear(Odometry, "odom", self._on_odometry, qos_profile_sensor_data)
         if task.commanded:
             self._hear(TaskParameters, "parameters", self._on_parameters, TICK)
-        if self._own.filters:
+        if p.filters:
             self._hear(Float64MultiArray, "wanted", self._on_wanted, qos_profile_sensor_data)
         self.create_service(SetBool, "pause", self._on_pause)
         self._details = self.create_publisher(ControllerState, "controller_state", TICK)
@@ -125,7 +123,8 @@ class RobotControllerNode(CheckedNode):
             "y": math.sin(yaw) * forward + math.cos(yaw) * left,
             "yaw": twist.angular.z,
         }
-        self._take(message.header, *(np.array([each[name] for name in self.task.names_of_q]) for each in (q, dq)))
+        names = self.task.names_of_q
+        self._take(message.header, np.array([q[name] for name in names]), np.array([dq[name] for name in names]))
 
     def _on_parameters(self, message: TaskParameters) -> None:
         self._p = parameters_of(self.task, message)
@@ -154,15 +153,15 @@ class RobotControllerNode(CheckedNode):
     def _take(self, header: Header, q: Array, dq: Array) -> None:
         """A state; answered at once."""
         x = np.concatenate([q, dq])[: self.task.system.x.numel()]
-        check_finite(self._own.input, x.tolist())
+        check_finite(self._settings.input, x.tolist())
         self._heard("state")
         self._take_policies()
         if self._paused or self._missing():
             return
         p, wanted = self._p, self._wanted
         assert p is not None
-        if self._own.filters:
-            is_stale = time.monotonic() - self._came["wanted"] > self._own.stale_wanted
+        if self._settings.filters:
+            is_stale = time.monotonic() - self._came["wanted"] > self._settings.stale_wanted
             p = np.append(p, np.zeros_like(wanted) if is_stale else wanted)
         if policy := self._policies.swap((1, self._ticks), ""):
             self._answerer.follow(policy)
@@ -186,7 +185,7 @@ class RobotControllerNode(CheckedNode):
         self._policies.take((1, self._ticks), self._message_counter.accept, self._refuse)
 
     def _send(self, u: Array) -> None:
-        if self._own.output == "commands":
+        if self._settings.output == "commands":
             self._commands.publish(Float64MultiArray(data=doubles(u)))
             return
         twist = Twist()
@@ -209,9 +208,9 @@ class RobotControllerNode(CheckedNode):
 
     def _missing(self) -> str:
         """What is too old; empty: nothing."""
-        limits = {"state": self._own.stale}
+        limits = {"state": self._settings.stale}
         if self.task.commanded:
-            limits["parameters"] = self._own.stale_parameters
+            limits["parameters"] = self._settings.stale_parameters
         for name, limit in limits.items():
             if (silent := time.monotonic() - self._came[name]) > limit:
                 return f"no {name} for {silent:.3f} s" if math.isfinite(silent) else f"no {name} yet"

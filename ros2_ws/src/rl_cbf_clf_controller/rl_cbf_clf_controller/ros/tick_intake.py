@@ -9,14 +9,7 @@ import math
 
 from cbf_clf_qp.functions import Array
 from rabbit_common.message_checks import Refused, check_turn
-from rabbit_common.ros.conversions import (
-    Announcements,
-    check_state,
-    is_unknown,
-    nanoseconds,
-    other_tick,
-    preview_of,
-)
+from rabbit_common.ros.conversions import Announcements, check_state, is_unknown, nanoseconds, other_tick, preview_of
 from rabbit_common.task_messages import parameters_of
 from rabbit_description.state import LAYOUT, TICK_SECONDS, RobotState, StonePreview, newest_preview
 from rabbit_description.task import ControlTask
@@ -97,8 +90,7 @@ class TickIntake:
     def keep_parameters(self, message: TaskParameters) -> None:
         """For the state of the same tick; raises `Refused`."""
         assert self._task
-        p = parameters_of(self._task, message)
-        self._parameters[message.episode, message.tick] = p
+        self._parameters[message.episode, message.tick] = parameters_of(self._task, message)
         if len(self._parameters) > NEWEST:
             del self._parameters[next(iter(self._parameters))]
 

@@ -27,7 +27,7 @@ ARRAYS = tuple(field.name for field in fields(Transition) if field.name not in (
 def checked_part(part: str, message: Any, problem: Problem, layout: RobotLayout) -> Any:
     """A tick's `state` with its header, or the controller's parts with its sender; raises `Refused`.
 
-    Of `torque`, `controller_state` and `learner_terms` that is each what it tells of the `ControllerOutput`.
+    Of `torque`, `controller_state` and `learner_terms` that is what they tell of the `ControllerOutput`.
     """
     if part == "state":
         return message.header, state_of(message, None, message.running, layout)
@@ -58,8 +58,7 @@ class Publishers:
     def on_plan(self, plan: EpisodePlan, after: int, report: EpisodeReport | None) -> None:
         """Announce the next episode, its policy first."""
         if report:
-            text = f"episode {after} learned: {report.kept} of {report.ticks} ticks kept"
-            self._node.get_logger().info(text)
+            self._node.get_logger().info(f"episode {after} learned: {report.kept} of {report.ticks} ticks kept")
             self.figures = {"episode": report.episode, **report.reward, **report.losses}
         if self._plans_policies and isinstance(plan.policy, ActorPolicy):
             source, data = self._node.get_fully_qualified_name(), array("B", plan.policy.file.encode())
@@ -80,14 +79,15 @@ class Publishers:
         if not self._transitions.get_subscription_count():
             return
         episode, at = tag
-        message = msg.Transition(
-            header=at,
-            episode=episode,
-            problem=str(transition.problem)[:LONGEST_NAME],
-            reward_terms=doubles(reward_terms(transition, self._training)[0]),
-            reward=reward(transition, self._training),
-            doubt=int(transition.doubt),
-            **{name: getattr(transition, name) for name in NUMBERS},
-            **{name.lower(): doubles(getattr(transition, name)) for name in ARRAYS},
+        self._transitions.publish(
+            msg.Transition(
+                header=at,
+                episode=episode,
+                problem=str(transition.problem)[:LONGEST_NAME],
+                reward_terms=doubles(reward_terms(transition, self._training)[0]),
+                reward=reward(transition, self._training),
+                doubt=int(transition.doubt),
+                **{name: getattr(transition, name) for name in NUMBERS},
+                **{name.lower(): doubles(getattr(transition, name)) for name in ARRAYS},
+            )
         )
-        self._transitions.publish(message)

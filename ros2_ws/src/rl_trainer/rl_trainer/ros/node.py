@@ -1,6 +1,6 @@
 """The trainer's node: puts ticks together from the state and the controller's three messages, for the learning thread.
 
-It publishes the transitions and, where the simulator waits for it, how each episode is to be walked, with which policy.
+It publishes the transitions and, where the simulator waits for it, how an episode is to be walked, with which policy.
 It never holds up a tick: what it cannot learn from at once waits in a queue.
 """
 
@@ -69,15 +69,15 @@ class TrainerNode(SimulatorFollower):
 
     def __init__(self) -> None:
         super().__init__("trainer")
-        own = declare(self, NodeParameters)
-        task = load_task(own.task) if own.task else None
+        parameters = declare(self, NodeParameters)
+        task = load_task(parameters.task) if parameters.task else None
         default = training_parameters(task, self._seed()) if task else None
         self._training = declare(self, TrainingParameters, default=default)
         self._layout = layout_of(task) if task else LAYOUT
         refuse_unknown(self)
-        folder = Path(own.folder) if own.folder else None
-        self._published = Publishers(self, self._training, own.plan_episodes)
-        self._learning = LearningThread(make_trainer(self._training, own), self._published, folder)
+        folder = Path(parameters.folder) if parameters.folder else None
+        self._published = Publishers(self, self._training, parameters.plan_episodes)
+        self._learning = LearningThread(make_trainer(self._training, parameters), self._published, folder)
         self._ticks = TickSynchronizer(tuple(PARTS))
         self._held_up_since: float | None = None
         self._started = self._is_joining = False
@@ -89,12 +89,12 @@ class TrainerNode(SimulatorFollower):
         self._hear_simulator(msg.Episode, "episode", self._on_episode, EVENT)
         self._diagnostics = Diagnostics(self, self._message_counter, self._status)
         steady_timer(self, 0.5, self._look)
-        self.get_logger().info(f"ready: learns {self._training.problem}, begins with policy {own.policy}")
+        self.get_logger().info(f"ready: learns {self._training.problem}, begins with policy {parameters.policy}")
 
     def _seed(self) -> int:
         """What the units of a task are measured with, before the other parameters' defaults are known."""
         model = create_model("Seed", seed=(int, TrainingParameters.model_fields["seed"]))
-        seed: int = declare(self, model, dynamic=("seed",)).model_dump()["seed"]
+        seed = declare(self, model, dynamic=("seed",)).model_dump()["seed"]
         self.undeclare_parameter("seed")
         return seed
 
@@ -208,17 +208,17 @@ class TrainerNode(SimulatorFollower):
         return OK, "learning", figures
 
 
-def make_trainer(training: TrainingParameters, own: NodeParameters) -> Trainer:
+def make_trainer(training: TrainingParameters, parameters: NodeParameters) -> Trainer:
     """From scratch or from a policy; raises `ParameterError`, `PolicyFileError`."""
     try:
-        plant = json.loads(own.plant)
+        plant = json.loads(parameters.plant)
     except ValueError as error:
-        raise ParameterError(f"parameter plant = {own.plant!r}: not JSON: {error}") from error
+        raise ParameterError(f"parameter plant = {parameters.plant!r}: not JSON: {error}") from error
     if not isinstance(plant, dict):
-        raise ParameterError(f"parameter plant = {own.plant!r}: expected a JSON object")
-    if own.policy == ZeroPolicy.version:
+        raise ParameterError(f"parameter plant = {parameters.plant!r}: expected a JSON object")
+    if parameters.policy == ZeroPolicy.version:
         return Trainer(training, Provenance(plant, command="trainer node"))
-    policy = read(policy_path(own.policy))
+    policy = read(policy_path(parameters.policy))
     trainer = Trainer(training, Provenance(plant, command=f"trainer node, from {policy.version}"))
     trainer.start_from(policy)
     return trainer
