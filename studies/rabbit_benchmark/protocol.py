@@ -19,24 +19,28 @@ from rl_cbf_clf_controller.weights import PolicyFileError
 from rabbit_benchmark.cells import Cell
 from rabbit_benchmark.methods import Method
 
-Seeds = Literal["development", "reported"]
-SEEDS: dict[Seeds, int] = {"development": 61001, "reported": 61003}  # nobody tunes on the second
+SEEDS = {"development": 61001, "reported": 61003}  # nobody tunes on the second
 STONES = 20  # of a course
 
 
 @dataclass(frozen=True)
 class Protocol:
-    """Courses of a cell, and which seeds they have. Methods share courses, cells do not.
+    """Courses of a cell, and which `seeds` they have: a name of SEEDS or a number. Methods share courses, cells do not.
 
     With a lab's `sensors` every plant has them, also those of cells that do not ask for it.
     """
 
     courses: int = 10
-    seeds: Seeds = "development"
+    seeds: str = "development"
     stones: int = STONES
     sensors: Literal["exact", "lab"] = "exact"
     plant: Literal["pybullet", "mujoco"] = "pybullet"
     tick_seconds: float = TICK_SECONDS
+
+    @property
+    def seed(self) -> int:
+        """From which plants and courses are drawn; raises `ValueError` where `seeds` is no name and no number."""
+        return SEEDS[self.seeds] if self.seeds in SEEDS else int(self.seeds)
 
     def walks(self, method: Method, cell: Cell) -> list[Walk]:
         """A run for each course.
@@ -47,7 +51,7 @@ class Protocol:
         contender = method.on(cell.terrain, cell.map)
         if contender is None:
             raise CannotTake(f"no controller for {cell.terrain}")
-        seed = SEEDS[self.seeds]
+        seed = self.seed
         tick = {} if self.tick_seconds == TICK_SECONDS else {"tick_seconds": self.tick_seconds}
         courses = episode_seeds(seed + zlib.crc32(cell.name.encode()), cell.courses(self.courses))
         try:

@@ -23,7 +23,7 @@ from rabbit_benchmark.cells import Cell
 from rabbit_benchmark.comparison import Paired, holm
 from rabbit_benchmark.families import Split
 from rabbit_benchmark.methods import REFERENCE, Method
-from rabbit_benchmark.protocol import SEEDS, Plan, Protocol
+from rabbit_benchmark.protocol import Plan, Protocol
 from rabbit_benchmark.table import BenchmarkRow, Table, by_course
 
 
@@ -75,11 +75,11 @@ class Benchmark:
 
     def page(self) -> str:
         """The page."""
-        seeds, seconds = self.protocol.seeds, self.protocol.tick_seconds
+        seconds = self.protocol.tick_seconds
         tick = "" if seconds == TICK_SECONDS else f", ticks of {seconds * 1e3:g} ms"
         head = (
             f"# Benchmark\n\n    {provenance.command()}\n\n"
-            f"Commit {provenance.commit() or 'unknown'}. The {seeds} seeds ({SEEDS[seeds]}), "
+            f"Commit {provenance.commit() or 'unknown'}. Seed {self.protocol.seed} ({self.protocol.seeds}), "
             f"{self.protocol.courses} courses of {self.protocol.stones} stones or steps a cell, "
             f"{ENGINES[self.protocol.plant]}{tick}. "
             "All methods walk the same courses. Walked of courses, with Wilson's 95% interval.\n\n"
@@ -88,7 +88,8 @@ class Benchmark:
             f"{head}## Courses walked on each map\n\n{self._maps()}\n"
             f"## Courses walked in each cell\n\n{self._table()}\n![cells](cells.png)\n\n"
             f"## Compared with {self.reference}\n\n{self._comparison()}\n"
-            f"## Cost and training data\n\n{self._cost()}"
+            f"## Cost and training data\n\n{self._cost()}\n"
+            f"## For the leaderboard\n\n{self._leaderboard()}"
         )
 
     def _maps(self) -> str:
@@ -153,6 +154,21 @@ class Benchmark:
             tick = f"{times(every)['tick_ms_p50']:.2f}" if every else ""
             lines.append((method.title, tick, method.trained_on or "nothing"))
         return markdown_table(("method", "tick, median (ms)", "trained on"), lines)
+
+    def _leaderboard(self) -> str:
+        """A row for each method: courses walked on each map, of all, and what they can be walked again with."""
+        groups, about = self._groups(), [str(self.protocol.seed), ENGINES[self.protocol.plant], provenance.commit()]
+        sizes = {name: sum(cell.courses(self.protocol.courses) for cell in cells) for name, cells in groups.items()}
+        lines = []
+        for method in self.methods:
+            walks = [[self._walks(method, cell) for cell in cells] for cells in groups.values()]
+            walked = ["" if None in each else str(sum(w.walked for w in each if w)) for each in walks]
+            every = f"{sum(map(int, walked)):,}" if all(walked) else ""
+            lines.append([method.title, *walked, every, *about])
+        columns = [f"{name}, of {size}" for name, size in sizes.items()]
+        return markdown_table(
+            ("method", *columns, f"all, of {sum(sizes.values()):,}", "seed", "engine", "commit"), lines
+        )
 
     def _walks(self, method: Method, cell: Cell) -> Walks | None:
         results = self.results[method, cell]

@@ -1,7 +1,7 @@
 """What a gait must be: step, speed, stones and limits. The defaults are those of `DEFAULT_GAIT`."""
 
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import Field, model_validator
 from rabbit_description.validation import Checked
@@ -59,14 +59,6 @@ class GaitSpecification(Checked):
 
     intervals: int = Field(20, ge=6, le=100, description="Hermite-Simpson intervals over the phase")
     max_iterations: int = Field(500, ge=10, le=5000, description="IPOPT's iteration limit")
-
-    @model_validator(mode="before")
-    @classmethod
-    def _of_former_files(cls, values: Any) -> Any:
-        """Shipped gaits say that they were made for no payloads; one that was made for some is refused."""
-        if isinstance(values, dict) and not values.get("payloads"):
-            return {name: value for name, value in values.items() if not name.startswith("payload")}
-        return values
 
     @model_validator(mode="after")
     def _ranges_are_ordered(self) -> "GaitSpecification":

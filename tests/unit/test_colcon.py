@@ -159,6 +159,6 @@ def test_requires_no_folder_and_the_others_in_its_own_version(package: str, inst
 @pytest.mark.parametrize("package", PACKAGES)
 def test_data_is_installed(package: str, installed: Callable[[str], Path]) -> None:
     root = SOURCES / package / package
-    data = {".yaml", ".urdf", ".safetensors", ".json", ".csv", ".typed"}
+    data = {".yaml", ".urdf", ".safetensors", ".json", ".csv", ".xml", ".typed"}
     shipped = [path.relative_to(root) for path in root.rglob("*") if path.suffix in data]
     assert not [str(path) for path in shipped if not (installed(package) / package / path).is_file()]

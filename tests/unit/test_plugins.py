@@ -2,12 +2,14 @@
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 from own_cart import CART
+from rabbit_benchmark.table import Table
 from rabbit_bringup.cli import app as rabbit_app
 from rabbit_description.task import TaskError
 from rabbit_description.task_source import load_task
@@ -17,6 +19,7 @@ from rl_trainer.task_episode import ride_of
 from rl_trainer.task_training import train
 from typer.testing import CliRunner
 
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 MODULE = '''
 """Count the letters of a word."""
 
@@ -24,8 +27,6 @@ from pathlib import Path
 
 import torch
 import typer
-from rabbit_benchmark.methods import Method
-from rabbit_reproduce.controllers import variant
 from rabbit_sim.rigid_plant import RigidPlant
 from rl_trainer.actor import Actor
 from rl_trainer.learner import Learner
@@ -60,16 +61,12 @@ class Noted(Learner):
 def count(word: str):
     print(len(word))
 
-
-STIFF = Method("stiff", "mine, stiffer", flat=variant("stiff", "clf-qp", "zero", {"eps": 0.08}))
 '''
 ENTRY_POINTS = """
 [rabbit.plants]
 slow_motor = other_package:SlowMotor
 [rabbit.learners]
 noted = other_package:Noted
-[rabbit.methods]
-stiff = other_package:STIFF
 [rabbit.commands]
 count = other_package:app
 """
@@ -101,13 +98,25 @@ def test_another_packages_plant_is_walked_on(tmp_path: Path) -> None:
     assert about["parameters"]["simulation"]["plant"] == "slow_motor"
 
 
-def test_another_packages_method_enters_the_benchmark(tmp_path: Path) -> None:
-    install(tmp_path)
-    done = rabbit(tmp_path, "benchmark", "stiff", "--cells", "*/scale-1", "--courses", "1", "--out", "out")
-    assert done.returncode == 0, done.stderr
-    assert "no controller for stones" in (tmp_path / "out" / "benchmark.csv").read_text()
-    listed = rabbit(tmp_path, "benchmark", "--list")
-    assert "mine, stiffer" in listed.stdout
+def test_the_template_of_a_method_enters_the_benchmark_and_gets_its_row(tmp_path: Path) -> None:
+    shutil.copytree(EXAMPLES / "method", tmp_path / "copy")  # pip builds in it
+    options = ["--quiet", "--no-index", "--no-deps", "--no-build-isolation", "--target", str(tmp_path)]
+    subprocess.run([sys.executable, "-m", "pip", "install", *options, str(tmp_path / "copy")], check=True, timeout=300)
+    walked = []
+    for seeds in ("77", "77", "78"):
+        out = f"out{len(walked)}"
+        words = ("mine", "--cells", "flat/storm", "--courses", "1", "--seeds", seeds, "--out", out)
+        done = rabbit(tmp_path, "benchmark", *words)
+        assert done.returncode == 0, done.stderr
+        (row,) = Table.read(tmp_path / out / "benchmark.csv").rows.values()
+        assert (row.method, row.cell, row.courses) == ("mine", "flat/storm", 10)
+        line = (tmp_path / out / "benchmark.md").read_text().splitlines()[-1]
+        assert line.startswith(f"| nominal, eps 0.03 | {row.walked} | {row.walked} | {seeds} | PyBullet |")
+        walked.append((row.by_course, row.mean_stones))
+    assert walked[0] == walked[1] != walked[2]
+    refused = rabbit(tmp_path, "benchmark", "mine", "--cells", "flat/scale-1", "--seeds", "secret")
+    assert refused.returncode == 2
+    assert "--seeds secret: expected development, reported or a number" in " ".join(refused.stderr.split())
 
 
 def test_another_packages_learner_trains_and_goes_on_where_it_was(tmp_path: Path) -> None:
@@ -121,7 +130,7 @@ def test_another_packages_learner_trains_and_goes_on_where_it_was(tmp_path: Path
     assert read(tmp_path / "out" / "policy.safetensors").metadata.learner == "noted"
 
 
-BALL = Path(__file__).resolve().parents[2] / "examples" / "ball_on_beam.py"
+BALL = EXAMPLES / "ball_on_beam.py"
 
 
 @pytest.mark.parametrize(

@@ -31,7 +31,7 @@ def benchmark(
         int, typer.Option(min=1, max=10_000, help="courses of a cell; the storm has ten times as many")
     ] = 10,
     seeds: Annotated[
-        Literal["development", "reported"], typer.Option(help="seeds to tune on, or seeds of the published table")
+        str, typer.Option(help="development: to tune on; reported: of the published table; or a number that is new")
     ] = "development",
     sensors: Annotated[
         Literal["exact", "lab"],
@@ -53,7 +53,7 @@ def benchmark(
 
     from rabbit_benchmark.cells import CellError, chosen
     from rabbit_benchmark.methods import REFERENCE, MethodError, names, variants
-    from rabbit_benchmark.protocol import Protocol, plan
+    from rabbit_benchmark.protocol import SEEDS, Protocol, plan
     from rabbit_benchmark.report import Benchmark
 
     with complaints(CellError, MethodError):
@@ -79,6 +79,8 @@ def benchmark(
         return
     if against not in (REFERENCE, *(each.name for each in entered)):
         fail(f"--against {against}: expected {one_of(against, [REFERENCE, *(each.name for each in entered)])}")
+    if seeds not in SEEDS and not (seeds.isascii() and seeds.isdecimal() and len(seeds) < 10):
+        fail(f"--seeds {seeds}: expected {', '.join(SEEDS)} or a number of up to 9 digits")
     protocol = Protocol(courses, seeds, sensors=sensors, plant=plant, tick_seconds=tick_seconds)
     with progress_bar() as bar:
         runs = plan(protocol, entered, wanted, partial(bar.track, description="plans"))

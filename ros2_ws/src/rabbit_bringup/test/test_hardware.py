@@ -1,11 +1,16 @@
-"""What keeps a robot whole: its commands, its sensors' times, and the guard of its motors."""
+"""What keeps a robot whole: its commands, its sensors' times, the guard of its motors; and what its drives offer."""
+
+from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+import yaml
 from rabbit_bringup.command_guard import CommandGuard, GuardParameters
 from rabbit_bringup.hardware import Hardware, HardwareParameters
 from rabbit_bringup.sensor_watch import EncoderWatch, SensorClock
-from rabbit_description.state import BodySensors, Leg, orientation_of
+from rabbit_description import robot_description
+from rabbit_description.state import ACTUATED, BodySensors, Leg, orientation_of
 
 TICK = 10_000_000  # ns
 FULL = np.array([200.0, -200.0, 50.0, 0.0])
@@ -211,3 +216,45 @@ def test_no_torque_is_larger_than_the_limit():
     made = guard()
     made.command(10 * FULL, 100 * TICK, 0.0)
     assert made.acts.tolist() == [200.0, -200.0, 200.0, 0.0]
+
+
+CONTROLLERS = Path(__file__).parents[1] / "config" / "controllers.yaml"
+AXES = {
+    "imu_sensor_broadcaster/IMUSensorBroadcaster": (
+        *(f"orientation.{axis}" for axis in "xyzw"),
+        *(f"{name}.{axis}" for name in ("angular_velocity", "linear_acceleration") for axis in "xyz"),
+    ),
+    "force_torque_sensor_broadcaster/ForceTorqueSensorBroadcaster": tuple(
+        f"{name}.{axis}" for name in ("force", "torque") for axis in "xyz"
+    ),
+}  # what each claims
+
+
+def names(of: ElementTree.Element, tag: str) -> tuple[str, ...]:
+    """Of the interfaces that a joint or a sensor offers."""
+    return tuple(interface.attrib["name"] for interface in of.findall(tag))
+
+
+def test_drives_offer_what_the_controllers_claim():
+    robot = ElementTree.fromstring(robot_description())
+    told = {name: about["ros__parameters"] for name, about in yaml.safe_load(CONTROLLERS.read_text()).items()}
+    joints = robot.findall("ros2_control/joint")
+    assert [joint.attrib["name"] for joint in joints] == told["effort_controller"]["joints"]
+    driven = {
+        joint.attrib["name"]: float(joint.find("limit").attrib["effort"]) for joint in robot.findall("joint[limit]")
+    }
+    assert len(joints) == len(ACTUATED) == sum(effort > 0 for effort in driven.values())
+    for joint in joints:
+        assert names(joint, "command_interface") == ("effort",)
+        assert {"position", "velocity"} <= {*names(joint, "state_interface")}
+        limits = [float(limit.text) for limit in joint.findall("command_interface/param")]
+        assert limits == [-driven[joint.attrib["name"]], driven[joint.attrib["name"]]]
+    sensors = {sensor.attrib["name"]: sensor for sensor in robot.findall("ros2_control/sensor")}
+    kinds = {name: kind["type"] for name, kind in told["controller_manager"].items() if isinstance(kind, dict)}
+    claimed = {name: kind for name, kind in kinds.items() if kind in AXES}
+    assert len(claimed) == len(sensors) == 3
+    for name, kind in claimed.items():
+        sensor = sensors[told[name]["sensor_name"]]
+        assert names(sensor, "state_interface") == AXES[kind]
+        assert sensor.findtext("param") == told[name]["frame_id"]
+        assert robot.find(f"link[@name='{told[name]['frame_id']}']") is not None

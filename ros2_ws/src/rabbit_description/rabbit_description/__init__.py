@@ -4,6 +4,7 @@ from pathlib import Path
 
 DATA = Path(__file__).parent
 URDF_PATH = DATA / "urdf" / "rabbit.urdf"
+ROS2_CONTROL_PATH = DATA / "urdf" / "ros2_control.xml"
 GAITS = DATA / "gaits"
 LIBRARIES = DATA / "gait_libraries"
 DEFAULT_GAIT = "stones_0350_080"
@@ -15,6 +16,6 @@ FRAME = """  <link name="{0}"/>
 
 
 def robot_description() -> str:
-    """The URDF for ROS: with the frames that ROS names. No physics engine gets to see those."""
-    text = URDF_PATH.read_text(encoding="utf-8")
-    return text.replace("</robot>", "".join(FRAME.format(*frame) for frame in FRAMES.items()) + "</robot>")
+    """The URDF for ROS: with the frames that ROS names and the drives. No physics engine gets to see those."""
+    text, drives = URDF_PATH.read_text(encoding="utf-8"), ROS2_CONTROL_PATH.read_text(encoding="utf-8")
+    return text.replace("</robot>", "".join(FRAME.format(*frame) for frame in FRAMES.items()) + drives + "</robot>")

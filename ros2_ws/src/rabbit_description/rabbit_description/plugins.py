@@ -31,7 +31,7 @@ def load(group: str, name: str) -> Any:
 
     Raises:
         PluginError: no installed package brings it, a library that it needs is not installed, it was written for
-            another version of a library, such as this project's former one, or its module raises an error.
+            another version of a library, or its module raises an error.
     """
     from rabbit_description.user_code import fault_in_user_code, plugged  # pydantic: not for a list of commands
     from rabbit_description.validation import one_of
@@ -50,7 +50,7 @@ def load(group: str, name: str) -> Any:
         if (package := parts[name].dist) and library in (package.metadata.get_all("Provides-Extra") or ()):
             message += f": pip install '{package.name}[{library}]'"
         if library and find_spec(library):
-            message = f"{error}: it was written for another version of {library} (CHANGELOG.md)"
+            message = f"{error}: it was written for another version of {library}"
         raise PluginError(f"{group} {name}: {message}") from error
     except Exception as error:  # it is code, and may raise anything
         if where := fault_in_user_code(error):

@@ -22,7 +22,7 @@ from typer.testing import CliRunner
 
 @pytest.fixture
 def restarted(tmp_path: Path, walk: Walk) -> Path:
-    """The same walk by two simulators, as former recorders stored it: the second behind the first."""
+    """The same walk by two simulators, as a recorder that does not look stores it: the second behind the first."""
     waiting = {"seed": 0, "stones": 2, "reason": "", "policy_version": "", "sigma": float("nan"), "outcome": ""}
     messages, began = [], 0
     for run in range(2):
