@@ -132,16 +132,16 @@ def export(
 
     from rabbit_experiments.commands.export import daqp_source
 
-    made = TaskController(loaded)
-    controlling = made.controlling(controller)
-    if controlling in made.own:
+    controllers = TaskController(loaded)
+    controlling = controllers.controlling(controller)
+    if controlling in controllers.own:
         fail(f"--controller {controller}: expected one with a QP")
     own_folder(folder, "export --task")
-    made.policy = controlling
+    controllers.policy = controlling
     with complaints(ExportError), TemporaryDirectory() as temporary:
-        write(made, folder, daqp or daqp_source(Path(temporary)))
-    ride = ride_of(made, controlling, seed)
-    readings = np.concatenate([made.robots.reading(moment.state) for moment in ride.moments])
+        write(controllers, folder, daqp or daqp_source(Path(temporary)))
+    ride = ride_of(controllers, controlling, seed)
+    readings = np.concatenate([controllers.robots.reading(moment.state) for moment in ride.moments])
     export_ride(folder, readings, np.array([moment.u for moment in ride.moments]))
     print(f"written to {folder}: controller.c, controller.h, daqp/, and an example: make -C {folder}")
 

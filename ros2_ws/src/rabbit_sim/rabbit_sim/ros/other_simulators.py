@@ -43,17 +43,17 @@ class OtherSimulators:
             self._claim()
 
     def _on_episode(self, message: Episode) -> None:
-        other = message.sender
-        if other == self.sender or self.first:
+        sender = message.sender
+        if sender == self.sender or self.first:
             return
-        if other and began(other) < began(self.sender):
-            self.first = other
+        if sender and began(sender) < began(self.sender):
+            self.first = sender
             self._node.get_logger().error(self.refusal)
             self._give_way(self.refusal)
             return
-        if other not in self._refused:
-            self._refused.add(other)
-            self._node.get_logger().error(f"two simulators: {named(other)} is refused; {self.sender} is followed")
+        if sender not in self._refused:
+            self._refused.add(sender)
+            self._node.get_logger().error(f"two simulators: {named(sender)} is refused; {self.sender} is followed")
         self._claim()
 
 
