@@ -17,7 +17,7 @@ from typing import Any, ClassVar, Protocol
 import casadi as ca
 import numpy as np
 
-from cbf_clf_qp.functions import Array, NumpyFunction, Place, Values, free_symbols, one_at_a_time, packed
+from cbf_clf_qp.functions import Array, NumpyFunction, Place, Values, free_symbols, one_at_a_time, packed, row_by_row
 from cbf_clf_qp.qp import ROUNDING, UNBOUNDED, Layout, reading
 
 SOLVERS = "daqp", "osqp"
@@ -136,7 +136,7 @@ def by_daqp(data: ca.MX, places: Mapping[str, Place]) -> tuple[ca.MX, ca.MX]:
     hessian, free = 2 * ca.DM.eye(columns), UNBOUNDED * ca.DM.ones(columns)
     shapes = {"h": hessian.sparsity(), "a": ca.Sparsity.dense(rows, columns)}
     solve = ca.conic("daqp", "daqp", shapes, {"error_on_fail": False, "daqp": {"primal_tol": 1e-9}})
-    A = ca.reshape(entries, columns, rows).T
+    A = row_by_row(entries, columns)
     answer = solve(h=hessian, g=q, a=A, lba=lower, uba=upper, lbx=-free, ubx=free)
     return answer["x"], answer["lam_a"]
 

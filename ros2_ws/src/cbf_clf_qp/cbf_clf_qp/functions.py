@@ -175,6 +175,11 @@ def row_major(value: ca.SX) -> ca.SX:
     return ca.vec(ca.densify(value).T)
 
 
+def row_by_row(values: Any, columns: int) -> Any:
+    """Of such a column the matrix with so many columns."""
+    return ca.reshape(values, columns, values.numel() // columns).T
+
+
 def packed(values: Mapping[str, ca.SX]) -> ca.SX:
     """All of them as one column."""
     return ca.vertcat(ca.SX(0, 1), *(row_major(value) for value in values.values()))

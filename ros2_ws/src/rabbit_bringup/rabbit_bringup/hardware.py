@@ -26,7 +26,7 @@ class HardwareParameters(PlayerParameters):
 
     IS_SIMULATED: ClassVar[bool] = False
 
-    episodes: int = Field(1, ge=0, description="walks; the robot is enabled anew for each")
+    episodes: int = Field(1, ge=0, description="walks; a person enables the robot before each")
     trainer: Literal["auto", "ignore", "wait", "follow"] = Field(
         "ignore", description="whether a trainer plans the walks, which includes exploration noise"
     )

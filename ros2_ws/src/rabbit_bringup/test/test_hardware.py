@@ -237,9 +237,9 @@ def names(of: ElementTree.Element, tag: str) -> tuple[str, ...]:
 
 def test_drives_offer_what_the_controllers_claim():
     robot = ElementTree.fromstring(robot_description())
-    told = {name: about["ros__parameters"] for name, about in yaml.safe_load(CONTROLLERS.read_text()).items()}
+    configured = {name: about["ros__parameters"] for name, about in yaml.safe_load(CONTROLLERS.read_text()).items()}
     joints = robot.findall("ros2_control/joint")
-    assert [joint.attrib["name"] for joint in joints] == told["effort_controller"]["joints"]
+    assert [joint.attrib["name"] for joint in joints] == configured["effort_controller"]["joints"]
     driven = {
         joint.attrib["name"]: float(joint.find("limit").attrib["effort"]) for joint in robot.findall("joint[limit]")
     }
@@ -250,11 +250,11 @@ def test_drives_offer_what_the_controllers_claim():
         limits = [float(limit.text) for limit in joint.findall("command_interface/param")]
         assert limits == [-driven[joint.attrib["name"]], driven[joint.attrib["name"]]]
     sensors = {sensor.attrib["name"]: sensor for sensor in robot.findall("ros2_control/sensor")}
-    kinds = {name: kind["type"] for name, kind in told["controller_manager"].items() if isinstance(kind, dict)}
+    kinds = {name: kind["type"] for name, kind in configured["controller_manager"].items() if isinstance(kind, dict)}
     claimed = {name: kind for name, kind in kinds.items() if kind in AXES}
     assert len(claimed) == len(sensors) == 3
     for name, kind in claimed.items():
-        sensor = sensors[told[name]["sensor_name"]]
+        sensor = sensors[configured[name]["sensor_name"]]
         assert names(sensor, "state_interface") == AXES[kind]
-        assert sensor.findtext("param") == told[name]["frame_id"]
-        assert robot.find(f"link[@name='{told[name]['frame_id']}']") is not None
+        assert sensor.findtext("param") == configured[name]["frame_id"]
+        assert robot.find(f"link[@name='{configured[name]['frame_id']}']") is not None

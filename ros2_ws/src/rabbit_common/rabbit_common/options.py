@@ -42,7 +42,7 @@ Model = TypeVar("Model", bound=BaseModel)
 
 @dataclass(frozen=True)
 class Defaults:
-    """A command's defaults in place of the models', by field name; `options` shows them in the help text.
+    """Defaults of a command by field name. They replace the models' own; `options` shows them in the help text.
 
     `always` hold where an option is not given, those of `bare` only if neither --controller nor --parameters is given.
     """

@@ -101,7 +101,7 @@ def plots(walk: WalkRecords) -> list[tuple[str, dict[str, Array], list[float]]]:
     return [
         ("barriers B", dict(zip(walk.barrier_names, walk.barriers.T, strict=True)), [0.0]),
         ("torques (N m)", dict(zip(ACTUATED, walk.torque.T, strict=True)), limits),
-        ("friction |F_T|/F_N", {"ratio": np.array([force_ratio(force) for force in walk.stance_force])}, cone),
+        ("friction |F_T|/F_N", {"ratio": force_ratio(walk.stance_force)}, cone),
         ("slacks", {"clf_slack": walk.clf_slack, "rescue_slack": walk.rescue_slack}, []),
         ("V", {"V": walk.V}, []),
     ]

@@ -25,11 +25,10 @@ import casadi as ca
 import numpy as np
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.constraints import ResClf
-from cbf_clf_qp.functions import Layout, NumpyFunction, is_finite, row_major
+from cbf_clf_qp.functions import Layout, NumpyFunction, is_finite, row_by_row, row_major
 from rabbit_description.state import JOINTS
 
 from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_cbf_clf_controller.policy import row_by_row
 from rl_cbf_clf_controller.step import symbols
 
 STATES = 4  # rows of the state: the predictor's error in y and y-dot, the estimate, the filtered estimate

@@ -3,12 +3,12 @@
 from pathlib import Path
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 from rabbit_description import DEFAULT_GAIT
 from rabbit_description.bounded_file import FileError
 from rabbit_description.state import TICK_SECONDS
 from rabbit_description.tick import ABOUT_TICK, TickSeconds
-from rabbit_description.validation import one_line, one_of
+from rabbit_description.validation import Checked, one_line, one_of
 
 from rl_cbf_clf_controller.kinds import ControllerName, find_kind
 from rl_cbf_clf_controller.problem import Problem
@@ -22,10 +22,8 @@ class ParameterError(ValueError):
     """A parameter file that cannot be used: names the file, the parameter, its value and what was expected."""
 
 
-class ControllerParameters(BaseModel):
+class ControllerParameters(Checked):
     """Everything that shapes the controller. Defaults are this project's; `authors.yaml` has the first author's."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
     controller: ControllerName = Field("cbf-clf-qp", description="name of the controller")
     gait: str = Field(DEFAULT_GAIT, description="name of a shipped gait or library, or a file's path")

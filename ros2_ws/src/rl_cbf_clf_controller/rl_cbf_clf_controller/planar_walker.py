@@ -23,11 +23,11 @@ from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.functions import Array, NumpyFunction, packed
 from cbf_clf_qp.quantity import Constrained, Rows, Terms
 from cbf_clf_qp.system import solved
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 from rabbit_description.bounded_file import read_text
 from rabbit_description.planar_urdf import BASE, SLIDES, with_planar_base
 from rabbit_description.task import Announced, ControlTask, Disc, Impact, Limit, Line, Shape, TaskError
-from rabbit_description.validation import one_line, one_of
+from rabbit_description.validation import Checked, one_line, one_of
 from rabbit_description.yaml_file import MOST_BYTES, read_mapping
 
 from rl_cbf_clf_controller.contact_force import force_rows
@@ -47,13 +47,11 @@ GAP_DEPTH = 0.03  # m, below which a foot beside its stone has missed it
 EDGES = "l_min", "l_max"
 
 
-class StonesFile(BaseModel):
+class StonesFile(Checked):
     """Stepping stones, one a step, of which the next one is announced. Their edges, m, are from the stance foot.
 
     `poles`, `R1`, `R2`: of the barriers, see `stone_barriers`.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     nearest: Positive = Field(description="least near edge that is drawn, m")
     farthest: Positive = Field(description="largest near edge that is drawn, m")
@@ -74,10 +72,8 @@ class StonesFile(BaseModel):
         return lambda impacts: dict(zip(EDGES, (near[impacts], near[impacts] + self.width), strict=True))
 
 
-class PlantFile(BaseModel):
+class PlantFile(Checked):
     """The true robot, which the nominal model takes for one with these defaults."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     mass: Positive = Field(1.0, description="factor of all masses and inertias")
     payload: float = Field(0.0, ge=0, allow_inf_nan=False, description="kg, on the torso")
@@ -87,14 +83,12 @@ class PlantFile(BaseModel):
 NOMINAL = PlantFile().model_dump()
 
 
-class WalkerFile(BaseModel):
+class WalkerFile(Checked):
     """What a walker's file says beside the URDF.
 
     `stance`, `swing`: the URDF's joints of each leg, and its link `foot`, by one name for both legs; the stance leg is
     the one that stands first. `path`: k control points of each output over the phase, by its name, rad.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     urdf: str = Field(description="the robot's file, in this folder")
     stance: dict[str, str]

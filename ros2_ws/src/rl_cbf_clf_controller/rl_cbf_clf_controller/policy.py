@@ -20,7 +20,7 @@ import casadi as ca
 import numpy as np
 from cbf_clf_qp.batch_functions import BatchFunction
 from cbf_clf_qp.estimates import Estimates
-from cbf_clf_qp.functions import NumpyFunction, Values
+from cbf_clf_qp.functions import NumpyFunction, Values, row_by_row
 from rabbit_description.state import Array
 
 from rl_cbf_clf_controller.network import Actor
@@ -149,11 +149,6 @@ def estimate_function(n: int, m: int, structured: bool, has_clf: bool) -> NumpyF
     estimates = {"alpha": ca.diag(alpha_scale) @ alpha, "beta": beta_scale * beta, "output_error": output_error}
     inputs = {"outputs": outputs, "LgV": LgV, "alpha_scale": alpha_scale, "beta_scale": beta_scale}
     return NumpyFunction.of("estimates", inputs, estimates, matrices=("alpha", "output_error"))
-
-
-def row_by_row(values: ca.SX, columns: int) -> ca.SX:
-    """A column as a matrix with so many columns."""
-    return ca.reshape(values, columns, values.numel() // columns).T
 
 
 class OnFlatGround(LearnedPolicy):

@@ -17,7 +17,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 from cbf_clf_qp.answer import TOLERANCE, Answering, by_daqp
-from cbf_clf_qp.functions import Layout, NumpyFunction, is_finite
+from cbf_clf_qp.functions import Layout, NumpyFunction, is_finite, row_by_row
 from cbf_clf_qp.tick import Tick
 from rabbit_description.state import Array
 
@@ -56,7 +56,7 @@ def act_function(m: int, swapped: Any) -> NumpyFunction:
     sizes |= {"noise": m, "torque_limit": 1, "stance": 1, "index": 1, "touchdowns": 1, "refused": 1}
     s = symbols(sizes)
     solved, limit = s["residual"] < s["tolerance"], s["torque_limit"]
-    a, b = ca.reshape(s["control_a"], m, m).T, s["control_b"]
+    a, b = row_by_row(s["control_a"], m), s["control_b"]
     mu_qp = ca.if_else(solved, s["mu"], 0)
     explores = ca.mmax(ca.fabs(s["noise"])) > 0
     mu = ca.if_else(explores, mu_qp + s["noise"], mu_qp)

@@ -13,12 +13,12 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, Field, ValidationError, model_validator
 from rabbit_description.atomic_file import replacing
 from rabbit_description.bounded_file import FileError, read_bytes
 from rabbit_description.state import TICK_SECONDS
 from rabbit_description.tick import TickSeconds
-from rabbit_description.validation import one_line
+from rabbit_description.validation import Checked, one_line
 from safetensors.numpy import load, save
 
 from rl_cbf_clf_controller.network import Actor
@@ -52,10 +52,8 @@ class PolicyFileError(ValueError):
     """A policy file or message that is refused; the text says what was found and what was expected."""
 
 
-class PolicyMetadata(BaseModel):
+class PolicyMetadata(Checked):
     """What the weights mean and where they come from."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     format_version: Literal[1] = 1
     problem: str = Field(description="the controller that it was trained for")

@@ -151,7 +151,7 @@ class HardwareNode(SimulatorNode):
             self._rest()
 
     def _rest(self) -> None:
-        """No torque but in an episode; for every one the robot is enabled anew."""
+        """The robot gets torque in an episode alone. A person enables it before each one."""
         if self._player.state is None and self._player.episode.episode > self._done:
             self._done, self._paused = self._player.episode.episode, True
         if self._player.state is None or self._paused:

@@ -2,6 +2,7 @@
 
 from functools import cached_property
 from math import radians, sqrt
+from typing import ClassVar
 
 import numpy as np
 from rabbit_description.planar_urdf import BASE
@@ -190,7 +191,26 @@ class HotMotors(Perturbation):
         return weakened
 
 
-class Hysteresis(Perturbation):
+class DahlFriction:
+    """What two perturbations share: the friction f of a joint, and F (`most`), which may depend on the rates (4,)."""
+
+    stiffness: ClassVar[float]  # k, N m/rad
+
+    def most(self, rates: Array) -> float | Array:
+        """F, N m."""
+        raise NotImplementedError
+
+    def begin(self, memory: Memory) -> None:
+        memory.friction = np.zeros(JOINTS)
+
+    def transmitted(self, memory: Memory, torque: Array, joints: Array, rates: Array) -> Array:
+        most, turned = self.most(rates), SUBSTEP_SECONDS * rates
+        end = most * np.sign(turned)
+        memory.friction = end + (memory.friction - end) * np.exp(-self.stiffness * np.abs(turned) / most)
+        return torque - memory.friction
+
+
+class Hysteresis(DahlFriction, Perturbation):
     """Joints whose friction depends on where they turned last, by Dahl's model.
 
     The friction f of a joint that turns by dx goes towards F in its direction:   df = k (1 - f sign(dx) / F) dx
@@ -199,45 +219,33 @@ class Hysteresis(Perturbation):
     """
 
     order = 510
+    stiffness: ClassVar[float] = DAHL_STIFFNESS
 
     hysteresis: EngineNumber = setting(
         0.0, 0, 100, "most of the joints' friction with memory, N m", Control("hysteresis", 1, "N m")
     )
 
-    def begin(self, memory: Memory) -> None:
-        memory.friction = np.zeros(JOINTS)
-
-    def transmitted(self, memory: Memory, torque: Array, joints: Array, rates: Array) -> Array:
-        return torque - dahl(memory, DAHL_STIFFNESS, self.hysteresis, rates)
+    def most(self, rates: Array) -> float | Array:
+        """See `DahlFriction`."""
+        return self.hysteresis
 
 
-class StickSlip(Perturbation):
+class StickSlip(DahlFriction, Perturbation):
     """Joints that stick and let go: Dahl's friction, stiffer, with an F that falls as the joint turns (R. Stribeck).
 
     At the rate r it is F (1 + exp(-(r / STRIBECK_RATE)^2)) / 2.
     """
 
     order = 511
+    stiffness: ClassVar[float] = STICKING_STIFFNESS
 
     stick_slip: EngineNumber = setting(
         0.0, 0, 400, "friction at which a joint breaks away, twice that in motion, N m", Control("stick-slip", 1, "N m")
     )
 
-    def begin(self, memory: Memory) -> None:
-        memory.friction = np.zeros(JOINTS)
-
-    def transmitted(self, memory: Memory, torque: Array, joints: Array, rates: Array) -> Array:
-        most = self.stick_slip * (1 + np.exp(-((rates / STRIBECK_RATE) ** 2))) / 2
-        return torque - dahl(memory, STICKING_STIFFNESS, most, rates)
-
-
-def dahl(memory: Memory, stiffness: float, most: float | Array, rates: Array) -> Array:
-    """The memory's friction (4,), N m, after a substep at these rates."""
-    turned = SUBSTEP_SECONDS * rates
-    end = most * np.sign(turned)
-    friction: Array = end + (memory.friction - end) * np.exp(-stiffness * np.abs(turned) / most)
-    memory.friction = friction
-    return friction
+    def most(self, rates: Array) -> float | Array:
+        """See `DahlFriction`."""
+        return self.stick_slip * (1 + np.exp(-((rates / STRIBECK_RATE) ** 2))) / 2
 
 
 class Gears(Perturbation):

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 from rabbit_common.guard import guarded, reason_of
 from rabbit_common.message_checks import Refused
 from rabbit_common.priority import step_back
@@ -22,7 +22,7 @@ from rabbit_common.ros.checked_node import bounds, check_size, decoded
 from rabbit_common.ros.qos import EVENT
 from rabbit_common.ros.services import create_async_service
 from rabbit_description.bounded_file import FileError, read_bytes
-from rabbit_description.validation import one_line
+from rabbit_description.validation import Checked, one_line
 from rabbit_msgs.msg import PolicySwap, PolicyWeights
 from rabbit_msgs.srv import LoadPolicy
 from rclpy.node import Node
@@ -39,10 +39,8 @@ LIMITS = bounds(PolicyWeights)
 Fit = Callable[[PolicyFile], Any]  # the policy of a file, for this controller; raises PolicyFileError
 
 
-class NodeParameters(BaseModel):
+class NodeParameters(Checked):
     """Which policies the node walks with, and its priority."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     policy: str = Field(
         ZERO,
