@@ -10,8 +10,6 @@ RUN apt-get update \
  && rm -rf /var/lib/apt/lists/* \
  && useradd --create-home --shell /bin/bash rabbit \
  && install -d -o rabbit -g rabbit -m 1777 /walks /walks/runs
-# A CPU build of torch 2.13.0 for Python 3.12, a file's or a web address; without one pip brings 4 GB of CUDA
-ARG TORCH_WHEEL
 ARG PIP_INDEX_URL
 ARG PIP_CERT
 ENV PIP_NO_CACHE_DIR=1

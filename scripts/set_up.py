@@ -40,6 +40,8 @@ from pip_install import REQUIREMENTS, pip_install
 SCRIPTS = ROOT / "scripts"
 PYTHON = VENV / "bin" / "python"
 STAND_INS = [path.parent for path in sorted(WORKSPACE.glob("stand_ins/*/package.xml"))]
+PIP = [str(PYTHON), "-I", "-m", "pip", "install"]
+TORCH, TORCH_INDEX = (REQUIREMENTS / "torch.in").read_text().strip(), "https://download.pytorch.org/whl/cpu"
 CUDA_ROOM = 8  # GB
 
 
@@ -80,20 +82,17 @@ def ask(code: str) -> str:
 
 def torch_is_there() -> bool:
     """Whether the locked version is installed, in whatever build."""
-    wanted = (REQUIREMENTS / "torch.in").read_text().strip().removeprefix("torch==")
-    return ask("import importlib.metadata as m; print(m.version('torch'))").split("+")[0] == wanted
+    return ask("import importlib.metadata as m; print('torch==' + m.version('torch'))").split("+")[0] == TORCH
 
 
 def install_torch() -> None:
-    """torch: the wheel that $TORCH_WHEEL names, else the CPU build where pip knows of one, else PyPI's with CUDA."""
-    wheel = os.environ.get("TORCH_WHEEL")
-    if wheel and logged([str(PYTHON), "-I", "-m", "pip", "install", "--no-deps", wheel], STATE / "pip-torch_wheel.log"):
-        raise SetUpError(
-            f"pip cannot install TORCH_WHEEL={wheel}; give the file of a build for this Python, then call make again"
-        )
+    """torch: the CPU build where pip knows of one, else the CPU build of PyTorch's index, else PyPI's with CUDA."""
     if not torch_is_there():
         with suppress(SetUpError):
             pip_install("torch_cpu.txt")
+    if not torch_is_there():  # without a hash: the lock knows that of one Python alone
+        places = ["--index-url", TORCH_INDEX, "--retries", "1", "--timeout", "30"]
+        logged([*PIP, "--no-deps", "--no-compile", *places, f"{TORCH}+cpu"], STATE / "pip-torch_index.log")
     if not torch_is_there():
         check_room(ROOT, CUDA_ROOM)
         pip_install("torch.txt")
@@ -104,7 +103,7 @@ def install_torch() -> None:
 def install_studies() -> None:
     """What the studies import besides, and the studies and qa themselves as links: their commands are `rabbit`'s."""
     pip_install("cluster.txt", "studies.txt")
-    command = [str(PYTHON), "-I", "-m", "pip", "install", "--no-deps", "--no-build-isolation", "--quiet"]
+    command = [*PIP, "--no-deps", "--no-build-isolation", "--quiet"]
     if logged([*command, "-e", str(ROOT / "studies"), "-e", str(ROOT / "qa")], STATE / "pip-links.log"):
         raise SetUpError("pip cannot link studies and qa (log: .setup/pip-links.log)")
 

@@ -70,13 +70,17 @@ class World:
         return those()[-1]
 
     def hear(self, name: str) -> list[Any]:
-        """All messages of a topic from now on, and those that are latched."""
+        """All messages of a topic from now on, and those that are latched; as a recorder, with a deep queue."""
+        from rabbit_common.ros.qos import TICK
         from rabbit_common.ros.topics import TOPICS
+        from rclpy.qos import QoSProfile
 
         if name not in self._heard:
             (topic,) = (topic for topic in TOPICS if topic.name == name)
             self._heard[name] = []
-            self.node.create_subscription(topic.type, name, self._heard[name].append, topic.qos)
+            qos = topic.qos
+            deep = QoSProfile(depth=TICK.depth, reliability=qos.reliability, durability=qos.durability)
+            self.node.create_subscription(topic.type, name, self._heard[name].append, deep)
         return self._heard[name]
 
     def go(self) -> None:
