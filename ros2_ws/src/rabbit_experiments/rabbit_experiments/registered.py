@@ -38,6 +38,7 @@ class OneRobot(gymnasium.Env[Rows, Rows]):
         self.action_space = self._robots.single_action_space
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Rows, dict[str, Any]]:
+        """An episode begins, of this `seed` where there is one."""
         super().reset(seed=seed)
         return self._robots.reset(seed=seed)[0][0], {}
 
