@@ -142,11 +142,10 @@ class Player {
 
   // what both believe, and what is true
   sayTruth() {
-    const {mass_scale: scale, payload, ground_friction: friction} = this.chosen, {links} = this.parts.numbers.plant;
-    const mass = Object.values(links).reduce((sum, link) => sum + link.mass, 0);
-    const {friction_coeff, friction_margin} = this.robots[0].about, load = payload ? ` and carries ${payload} kg` : "";
-    document.getElementById("truth").textContent = `Both controllers believe in a robot of ${mass.toFixed(0)} kg and stay below a friction of `
-      + `${(friction_coeff - friction_margin).toFixed(1)}. The true robot has ${(mass * scale).toFixed(0)} kg${load}; the true friction is ${friction}.`;
+    const {mass_scale: scale, payload} = this.chosen, {links} = this.parts.numbers.plant;
+    const mass = Object.values(links).reduce((sum, link) => sum + link.mass, 0), load = payload ? ` and carries ${payload} kg` : "";
+    document.getElementById("truth").textContent =
+      `Both controllers believe that the robot weighs ${mass.toFixed(0)} kg. It weighs ${(mass * scale).toFixed(0)} kg${load}.`;
   }
 
   async drop(event) {
