@@ -109,7 +109,8 @@ def learned(
     regressor, measured, mass = equation({**tick, "theta": known["value"][THETA]}, seconds)
     share = float(1 - np.exp(-seconds / FILTER_TIME))
     per_rate_variance = 2 * (share / seconds) ** 2 / (2 - share)  # of a low-passed difference of white noise
-    regressor = known["regressor"] + known["share"] * (regressor - known["regressor"])
+    before = ca.project(known["regressor"], regressor.sparsity())
+    regressor = before + known["share"] * (regressor - before)
     measured = known["measured"] + known["share"] * (measured - known["measured"])
     noise = ca.DM(NOISE) + per_rate_variance * tick["rate_variance"] * mass @ mass
     walk = WALK * prior_covariance(robot.theta)

@@ -17,9 +17,10 @@ void layer(const float *restrict weights, const double *restrict bias, const dou
            integer outputs, integer *restrict used, double *restrict y)
 {
     integer count = 0, k = 0, i, j;
-    for (j = 0; j < inputs; j++)
-        if (x[j] != 0)
-            used[count++] = j;
+    for (j = 0; j < inputs; j++) { /* without a branch, since nobody can guess which units are zero */
+        used[count] = j;
+        count += x[j] != 0;
+    }
     for (i = 0; i < outputs; i++)
         y[i] = bias[i];
     for (; k + 4 <= count; k += 4) {

@@ -19,6 +19,7 @@ from rl_cbf_clf_controller.joint_calibration import OFFSETS
 from rl_cbf_clf_controller.kinds import find_kind
 from rl_cbf_clf_controller.least_squares import within
 from rl_cbf_clf_controller.parameters import ControllerParameters
+from rl_cbf_clf_controller.planar_robot import robot_parameters
 from rl_cbf_clf_controller.robot_numbers import Feet, RobotNumbers
 from rl_cbf_clf_controller.state_prediction import prediction_function
 from rl_cbf_clf_controller.step import DQ, STONE, Q, StepFunctions, call, ordered, row_function, symbols
@@ -163,8 +164,11 @@ class RabbitStep(StepFunctions):
         """`scene`, and in it what is `kept` for the next tick."""
         p, robot, walking, (memory, reading, settings) = self._parameters, self._robot, self._walking, self._columns
         stood_row = ca.MX.sym("stood", self.stand.row.size)
-        stood = Layout.of(self.stand).parts(stood_row)
-        begun = steps.parts(self._begun(begin, steps, stood))
+        stood, given = Layout.of(self.stand).parts(stood_row), {**self._rows, "stood": stood_row}
+        begun_row = ca.MX.sym("begun", steps.size)
+        begun = steps.parts(begun_row)
+        nominal = ca.MX.sym("nominal", robot.row.size)  # as constants CasADi would fold them, and round otherwise
+        numbers = {name: nominal[place] for name, (place, _) in places_of(robot_parameters()).items()}
         seen_now = {"x": stood["x"], "force": stood["force"], "stone": reading["stone"][1:]}
         was = {name: memory["known"][place] for name, (place, _) in self.known.items()}
         seen_now["rate_error"] = rate_error(was["errors"], was["differences"]) if was else ca.DM(0)
@@ -185,7 +189,7 @@ class RabbitStep(StepFunctions):
         named |= dict(zip(("l_min", "l_max", "height"), ca.vertsplit(tracked["stone"]), strict=True))
         named |= {"force": stood["force"][:2], "held": stood["held_now"]}
         named |= {name: ca.DM.zeros(JOINTS) for name in walking.outputs.parameters if name not in named}  # of the path
-        row = ca.vertcat(ca.DM(robot.row), *(named[name] for name in walking.system.named if name in named))
+        row = ca.vertcat(nominal, *(named[name] for name in walking.system.named if name in named))
         before = ca.if_else(follows, memory["left"], ca.DM.nan(memory["left"].numel()))
         seen_row = self.seen.function(x, row, begun["path"], stood["torque"], before)
         seen = Layout.of(self.seen).parts(seen_row)
@@ -196,8 +200,7 @@ class RabbitStep(StepFunctions):
         scene |= {name: reading[name] for name in ("tick", "touchdowns")}
         scene |= {"refused": stood["refused"], "step_time": (reading["tick"] - stood["start"]) * p.tick_seconds}
         if self._after:
-            lengths = {"joints": ca.DM(robot.joints.ravel()), "feet": ca.DM(robot.feet.ravel())}
-            now = {**{name: stood[name] for name in ("x", "force", "torque")}, **lengths, "tick": reading["tick"]}
+            now = {**{name: stood[name] for name in ("x", "force", "torque")}, **numbers, "tick": reading["tick"]}
             known = call(self._after, now | {"known": memory["known"]})
             kept["known"] = ca.vertcat(*known.values())
             identified = ca.vertcat(known["numbers"], seen["p"][robot.row.size :])
@@ -205,7 +208,11 @@ class RabbitStep(StepFunctions):
             scene["identified"] = ca.vertcat(known["used"], known["offsets"], known["doubts"][0])
         self.kept = Layout({name: self.memory.sizes[name] for name in self.memory.sizes if name in kept})
         scene["kept"] = self.kept.joined(kept)
-        return self.seeing(stood_row, scene)
+        seen_by = row_function("seen_by", {**given, "begun": begun_row, "nominal": nominal}, scene)
+        as_one = seen_by.function.expand("as_one", {"cse": True})  # which computes nothing twice
+        row = as_one(*given.values(), self._begun(begin, steps, stood), robot.row)
+        inputs = {**self._rows, "gaits": self._gaits, "stood": stood_row}
+        return NumpyFunction(ca.Function("see", [*inputs.values()], [row], [*inputs], ["values"]), seen_by.places)
 
     def _begun(self, begin: ca.Function, steps: Layout, stood: Mapping[str, ca.MX]) -> ca.MX:
         """What is known of this step: of the memory, or, where a step begins, by `begin`."""

@@ -106,10 +106,6 @@ class StepFunctions:
         self._gaits = ca.MX.sym("gaits", self.gaits.size)
         self._columns = [getattr(self, name).parts(row) for name, row in self._rows.items()]
 
-    def seeing(self, stood_row: ca.MX, scene: Mapping[str, Any]) -> NumpyFunction:
-        """`see`, of what there was to stand on."""
-        return row_function("see", {**self._rows, "gaits": self._gaits, "stood": stood_row}, scene)
-
     def compose(self, swapped: Any) -> None:
         """Of `stand` and `see` the other functions; `swapped`: the order of inputs for the other leg."""
         self.data, self.finish, self.decide = self._decide(swapped)

@@ -75,7 +75,8 @@ class TaskStep(StepFunctions):
         self.kept = Layout({name: self.memory.sizes[name] for name in kept})
         scene = {"seen": seen_row, "kept": self.kept.joined(kept), "x": stood["x"], "refused": stood["refused"]}
         scene |= {"tick": tick, "touchdowns": impacts, "index": impacts, "stance": ca.MX(0)}
-        return self.seeing(stood_row, scene | {"step_time": tick * self.task.seconds})
+        scene["step_time"] = tick * self.task.seconds
+        return row_function("see", {**self._rows, "gaits": self._gaits, "stood": stood_row}, scene)
 
 
 def look_function(task: ControlTask, shown: dict[str, ca.SX], before: ca.SX) -> NumpyFunction:
