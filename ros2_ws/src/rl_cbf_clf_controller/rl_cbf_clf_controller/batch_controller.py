@@ -143,10 +143,10 @@ class BatchController:
 
     def _learned(self, policy: ZeroPolicy | ActorPolicy, seen: Array) -> Array:
         """The policy's estimates, (N, size)."""
-        if isinstance(policy, ZeroPolicy):
+        if type(policy) is ZeroPolicy:
             return self._nothing
-        observations, LgV = (seen[:, place] for place in self._one.learned_from)
-        return policy.values_of_many(observations, LgV).row
+        observation, LgV = self._one.learned_from
+        return policy.values_of_many(seen[:, observation], seen[:, LgV]).row
 
     def _total(self, learned: Array, seen: Array) -> Array:
         """With those of the identified robots, (N, size)."""
@@ -250,7 +250,7 @@ class BatchController:
         """What was decided, (N, size), by the first solver; by its guard where that has no answer."""
         n, at = self._n, self._one.functions.acted.places
         solver, status, names = [""] * n, [""] * n, self._one.solvers
-        if names[0] == "daqp" and self._rows.decide()[:, at["solved"][0]].all():
+        if names[0] == "daqp" and 0.0 not in self._rows.decide()[:, at["solved"][0].start].tolist():
             return self._rows.decide.row, ["daqp"] * n, ["solved"] * n
         row, left = np.zeros((n, self._one.functions.acted.size)), np.arange(n)
         for name in names:

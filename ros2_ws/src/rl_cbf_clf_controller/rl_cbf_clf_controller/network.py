@@ -56,7 +56,8 @@ class Actor:
 
     What `forward` of `network.c` needs: `weights`, float32, `biases`, `sizes` of the layers, the `widest` that is read,
     how many `units` there are, of which the last are the `outputs`.
-    A row of N has the bits that it has alone. Raises ValueError for observations of another size.
+    A row of N has the bits that it has alone. One object serves one thread. Raises ValueError for observations of
+    another size.
     """
 
     def __init__(self, arrays: dict[str, NDArray[np.float32]]) -> None:
@@ -69,24 +70,32 @@ class Actor:
         self._inputs, self.outputs = len(weights[0]), len(biases[-1])
         self.widest, self.units = int(self.sizes[:-1].max()), int(self.sizes[1:].sum())
         self._layers = self.sizes.ctypes.data, self.widest, self.weights.ctypes.data, self.biases.ctypes.data
+        self._bind(1)
 
     def __reduce__(self) -> tuple[Any, ...]:  # a copy has its own addresses
         return Actor, (self._arrays,)
+
+    def _bind(self, n: int) -> None:
+        """Memory for so many rows."""
+        self._x, memory = np.empty((n, self._inputs)), np.empty(self.widest + n * self.units)
+        self._y, self._memory = memory[memory.size - n * self.outputs :].reshape(n, self.outputs), memory
+        self._given = n, *self._layers, self._x.ctypes.data, memory.ctypes.data
 
     def __call__(self, scaled: NDArray[Any]) -> NDArray[np.float64]:
         *many, inputs = scaled.shape
         if inputs != self._inputs:
             raise ValueError(f"observations have {inputs} numbers; expected {self._inputs}")
-        x, n = np.ascontiguousarray(scaled, dtype=float), scaled.size // inputs
+        n = scaled.size // inputs
+        if n != len(self._x):
+            self._bind(n)
+        self._x[...] = scaled.reshape(n, inputs)
         NETWORK.count(n)
         if NETWORK.forward:
-            memory = np.empty(self.widest + n * self.units)
-            NETWORK.forward(n, *self._layers, x.ctypes.data, memory.ctypes.data)
-            y = memory[memory.size - n * self.outputs :]
+            NETWORK.forward(*self._given)
         else:
             with np.errstate(all="ignore"):  # as in C
-                y = np.array([[*map(tanh, self._in_numpy(row).tolist())] for row in x.reshape(n, inputs)])
-        return y.reshape(*many, self.outputs)
+                self._y[...] = [[*map(tanh, self._in_numpy(row).tolist())] for row in self._x]
+        return self._y.reshape(*many, self.outputs).copy()
 
     def _in_numpy(self, y: NDArray[Any]) -> NDArray[Any]:
         at = bias_at = 0
