@@ -76,7 +76,7 @@ def walk_on(assembly: Assembly, robots: int, ticks: int, seeds: list[int], gait:
         output = many.step(states)
         states = batch.step(output.torque)
         ended = ~states.running
-        ended[[*output.scene.faults, *output.scene.errors]] = True
+        ended[[*output.faults, *output.errors]] = True
         for i in ended.nonzero()[0].tolist():
             seed = int(rng.integers(2**32))
             batch.restart(i, batch.simulations[i], seed)

@@ -63,12 +63,14 @@ class BatchSimulation:
 
     def restart(self, i: int, simulation: Simulation, seed: int) -> None:
         """Begin an episode with another robot in place of robot `i`, or with the same one."""
-        plant_of(simulation)
+        plant, before = plant_of(simulation), self.simulations[i]
         self.simulations[i] = simulation
         self.states[i] = simulation.reset(seed)
-        self._actuation = self._actuation.going_on(np.arange(len(self.states)), self._parameters)
+        if simulation is not before:
+            self._actuation = self._actuation.going_on(np.arange(len(self.states)), self._parameters)
+            self._arrange()
         self._actuation.rest(i)
-        self._arrange()
+        plant.watch.clear = self._is_clear[i]
         self._begin(i)
 
     def keep(self, rows: Array) -> None:
