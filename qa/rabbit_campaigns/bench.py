@@ -23,6 +23,7 @@ from rl_cbf_clf_controller.export import export
 from rl_cbf_clf_controller.parameters import load_parameters
 
 from rabbit_campaigns.batch_bench import bench_batch
+from rabbit_campaigns.peer_bench import cbfpy_ratios
 
 WARM_UP, BARE_EVERY = 20, 5  # ticks that do not count; between two measures of the bare engine
 ROBOTS, BATCH_TICKS = 64, 30_000
@@ -54,8 +55,11 @@ def bench(seed: int) -> dict[str, float]:
     for plant in ("mujoco", "pybullet"):
         figures[f"best.walk_over_engine.{plant}"] = walk_over_engine(assembly_of("best", plant), seed)
     many = bench_batch(assembly_of("best", "mujoco"), ROBOTS, BATCH_TICKS, seed)
+    evaluated, bare = (many["us"][name] for name in ("evaluation, in a batch", "the bare rollout"))
+    figures["best.walk_over_engine.mujoco_batch"] = evaluated / bare
     figures["best.batch_share"] = many["ratios"]["a batch's rate / the bare rollout's"]
-    return figures | exported_tick(assembly_of("best", "mujoco"), seed) | first_tick_seconds()
+    figures |= exported_tick(assembly_of("best", "mujoco"), seed) | first_tick_seconds()
+    return figures | cbfpy_ratios()
 
 
 def act_us(assembly: Assembly, seed: int) -> tuple[float, float]:

@@ -86,7 +86,7 @@ class Answering:
             raise ValueError(f"rows or objective depend on {unknown}: expected {', '.join(inputs)}")
         if solver not in SOLVERS:
             raise ValueError(f"solver = {solver}: expected {' or '.join(SOLVERS)}")
-        self.layout, self.solver = layout, solver
+        self.layout, self.solver, self._solvers = layout, solver, guarded(solver)
         self.programme = NumpyFunction.of("programme", inputs, data, matrices=("A", "unroot", "control_a"))
         parts = {name: ca.SX.sym(name, *value.shape) for name, value in data.items()}
         x, y = ca.SX.sym("x", layout.of_A.size2()), ca.SX.sym("y", layout.of_A.size1())
@@ -103,20 +103,17 @@ class Answering:
     def __call__(self, *inputs: Array) -> Decided:
         """The first solver's answer, or its guard's; `solved` is false where neither has one. Inputs left out are 0."""
         start = perf_counter()
-        for solver in guarded(self.solver):
-            values, status = self._by_daqp(*inputs) if solver == "daqp" else self._by_osqp(*inputs)
+        for solver in self._solvers:
+            values, status = (self.with_daqp(*inputs), "solved") if solver == "daqp" else self._by_osqp(*inputs)
             solved = values.row.item(0) < TOLERANCE  # the residual
             if solved:
                 break
             self.unanswered += solver == self.solver
             if not values.is_valid[0]:  # nobody can
+                status = INVALID
                 break
+            status = "not solved" if solver == "daqp" else status
         return Decided(values, self.layout, solved, solver, status, perf_counter() - start)
-
-    def _by_daqp(self, *inputs: Array) -> tuple[Values, str]:
-        values = self.with_daqp(*inputs)
-        is_solved = values.row.item(0) < TOLERANCE
-        return values, "solved" if is_solved else "not solved" if values.is_valid[0] else INVALID
 
     def _by_osqp(self, *inputs: Array) -> tuple[Values, str]:
         data = self.programme(*inputs)

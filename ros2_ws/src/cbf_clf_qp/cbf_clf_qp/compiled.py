@@ -52,7 +52,7 @@ def c_of(*functions: ca.Function) -> str | None:
     """Functions as C; None where that would not do all that CasADi's virtual machine does.
 
     A DAQP inside is one with `error_on_fail` off, and with bounds in order, which C does not check. Several threads may
-    call it. Nobody else may make a function meanwhile, see `functions.building`.
+    call it, with all inputs and the first output. Nobody else may make a function meanwhile, see `functions.building`.
     """
     inside = [each for function in functions for each in (function, *function.find_functions())]
     if not {each.class_name() for each in inside} <= KNOWN:
@@ -63,6 +63,9 @@ def c_of(*functions: ca.Function) -> str | None:
     text: str = generator.dump()
     for name in re.findall(r"struct casadi_daqp_data (\w+)_mem\[", text):  # it goes on where there is no optimum
         text = text.replace(f"{name}_release(mid);\n  if (flag) return 1;\n", f"{name}_release(mid);\n")
+    # whether they are given is not asked for each number, which would take a quarter of the compiler's time
+    text = re.sub(r"arg\[(\d+)\]\? (arg\[\1\]\[\d+\]) : 0;", r"\2;", text)
+    text = re.sub(r"if \(res\[0\]!=0\) (res\[0\]\[\d+\]=)", r"\1", text)
     text = re.sub(r"^static (.* casadi_f\d+_(?:mem|unused))", r"static _Thread_local \1", text, flags=re.MULTILINE)
     return None if "if (flag)" in text or "#error" in text else text
 

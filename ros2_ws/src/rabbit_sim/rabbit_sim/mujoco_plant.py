@@ -12,6 +12,7 @@ and lets go where friction carries the leg (Painleve).
 """
 
 from collections.abc import Sequence
+from functools import lru_cache
 from math import hypot
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
@@ -101,6 +102,7 @@ class MujocoPlant(EnginePlant):
         return [[-left_x, -left_z], [-right_x, -right_z]]
 
 
+@lru_cache(maxsize=64)
 def robot_mjcf(urdf: str, friction: float, radius: float = FOOT_RADIUS) -> str:
     """MuJoCo's XML of a planar robot, its feet as spheres of `radius`, m, and `KEPT_STONES` boxes to place."""
     model = pinocchio.buildModelFromXML(urdf)

@@ -10,6 +10,7 @@ from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.plant import FOOT_RADIUS
 
 
+@lru_cache(maxsize=64)  # a batch has many robots, often the same
 def perturbed_urdf(parameters: SimulationParameters) -> str:
     """URDF text of the robot with its seven coordinates, as the oracle knows it."""
     robot = ElementTree.parse(URDF_PATH).getroot()
@@ -23,6 +24,7 @@ def leg_shape(parameters: SimulationParameters) -> LegShape:
     return LegShape.of(parameters.link_bend, parameters.leg_stretch, parameters.sole_radius - FOOT_RADIUS)
 
 
+@lru_cache(maxsize=64)
 def with_attached(urdf: str, parameters: SimulationParameters) -> str:
     """The robot with the links that perturbations attach."""
     robot = ElementTree.fromstring(urdf)
