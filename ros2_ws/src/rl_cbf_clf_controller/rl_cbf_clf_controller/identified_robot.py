@@ -53,6 +53,7 @@ PITCH = SLIDES  # its place in the state; its rate is DOF further
 CONTACT_FORCE = 1.0  # N; a foot that carries less is in the air
 PUSHED = 0.3  # rad/s, at which an error is cut: a push
 NOISE_WEIGHT = 60.0  # of the rates' measured variance: noise in the regressors does not average out
+FITS = "fit", "covariance", "base_fit", "base_covariance"  # which stay by themselves where nothing is learned
 FIRST_DIFFERENCES = 3  # before which nothing is known
 
 
@@ -102,13 +103,14 @@ def after_tick(nominal: RobotNumbers, gives_way: bool, tick_seconds: float = TIC
     after |= {"errors": errors, "differences": differences, "standing": standing}
     tick = {"start": start, "end": now["x"], "before": known["torque"], "now": torque, **lengths}
     tick |= {"force": force, "rate_variance": rate_variance(errors, differences)}
-    later = learned(nominal, known, tick, seconds)
+    is_known = ca.logic_and(learns, differences >= FIRST_DIFFERENCES)
+    later = learned(nominal, known, tick, seconds, is_known)
     value, base, doubts = later["value"], later["base"], later["doubts"]
     used, disbelief = in_use(value, base, first["value"], doubts) if gives_way else (value, ca.SX(0))
     later |= {"used": used, "lateness": lateness(used[LATE_TORQUE]), "disbelief": disbelief}
     later["numbers"] = with_links(nominal, used)
     kept = known | {name: ca.if_else(pinned, known[name], first[name]) for name in ("regressor", "measured", "share")}
-    is_known = ca.logic_and(learns, differences >= FIRST_DIFFERENCES)
+    after |= {name: later.pop(name) for name in FITS}
     after |= {name: ca.if_else(is_known, value, kept[name]) for name, value in later.items()}
     after |= {**sums, "ticks": ticks, "start": start, "tick": now["tick"], "x": now["x"]}
     after["torque"] = ca.if_else(is_whole, torque, known["torque"])

@@ -27,11 +27,17 @@ from rabbit_description.state import Array
 
 
 def updated(
-    value: ca.SX, covariance: ca.SX, walk: ca.SX | Array, regressor: ca.SX, measured: ca.SX, noise: ca.SX
+    value: ca.SX,
+    covariance: ca.SX,
+    walk: ca.SX | Array,
+    regressor: ca.SX,
+    measured: ca.SX,
+    noise: ca.SX,
+    learns: ca.SX | bool = True,
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
     """x and P a tick later, and the innovation's normalised square, as expressions.
 
-    x and P stay where the numbers are too large to compute with.
+    x and P stay where it does not learn, or the numbers are too large to compute with.
     """
     covariance = symmetric(covariance)
     spread_now = covariance + symmetric(walk)
@@ -42,7 +48,7 @@ def updated(
     moved = value + gained.T @ (innovation / D)
     narrowed = symmetric(spread_now - gained.T @ (gained / ca.repmat(D, 1, value.numel())))
     square = ca.dot(innovation, innovation / D) / innovation.numel()
-    is_good = is_bounded(ca.vertcat(moved, ca.vec(narrowed)))
+    is_good = ca.logic_and(learns, is_bounded(ca.vertcat(moved, ca.vec(narrowed))))
     return ca.if_else(is_good, moved, value), ca.if_else(is_good, narrowed, covariance), square
 
 

@@ -94,7 +94,8 @@ class Actor:
             NETWORK.forward(*self._given)
         else:
             with np.errstate(all="ignore"):  # as in C
-                self._y[...] = [[*map(tanh, self._in_numpy(row).tolist())] for row in self._x]
+                for x, y in zip(self._x, self._y, strict=True):
+                    y[:] = [*map(tanh, self._in_numpy(x).tolist())]
         return self._y.reshape(*many, self.outputs).copy()
 
     def _in_numpy(self, y: NDArray[Any]) -> NDArray[Any]:
