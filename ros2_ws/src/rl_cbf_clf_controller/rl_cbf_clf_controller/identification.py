@@ -97,18 +97,14 @@ def window(tick_seconds: float) -> float:
 
 
 def learned(
-    robot: RobotNumbers,
-    known: Mapping[str, ca.SX],
-    tick: Mapping[str, ca.SX],
-    seconds: float = WINDOW,
-    learns: ca.SX | bool = True,
+    robot: RobotNumbers, known: Mapping[str, ca.SX], tick: Mapping[str, ca.SX], seconds: float = WINDOW
 ) -> dict[str, ca.SX]:
     """What is `known` after a window of so many `seconds`, by the names of `unknown`, as expressions.
 
     `tick`, of the window: its `start` and `end` (14,), torque `before` and `now` (4,), `force` (2, 2) on the feet, all
     in stance/swing order, rows of the force stance, swing, columns tangential, normal, N; `rate_variance` of the errors
-    of dq, (m/s)^2 and (rad/s)^2; `joints` and `feet` of the robot. What the least squares say is taken over as long
-    as it is a robot that can be; where it does not `learn`, they say what they said before.
+    of dq, (m/s)^2 and (rad/s)^2; `joints` and `feet` of the robot; whether it `learns`, else the least squares say what
+    they said before. What they say is taken over as long as it is a robot that can be.
     """
     regressor, measured, mass = equation({**tick, "theta": known["value"][THETA]}, seconds)
     share = float(1 - np.exp(-seconds / FILTER_TIME))
@@ -119,10 +115,10 @@ def learned(
     noise = ca.DM(NOISE) + per_rate_variance * tick["rate_variance"] * mass @ mass
     walk = WALK * prior_covariance(robot.theta)
     before = known["fit"], from_upper(known["covariance"], SIZE), walk
-    fit, covariance, square = updated(*before, regressor, measured, noise, learns)
+    fit, covariance, square = updated(*before, regressor, measured, noise, tick["learns"])
     of_base = regressor[:BASE, THETA], measured[:BASE], noise[:BASE, :BASE]
     base_before = known["base_fit"], from_upper(known["base_covariance"], THETA.stop), walk[THETA, THETA]
-    base_fit, base_covariance, base_square = updated(*base_before, *of_base, learns)
+    base_fit, base_covariance, base_square = updated(*base_before, *of_base, tick["learns"])
     is_robot = ca.logic_and(is_physical(fit[THETA]), fit[MOTOR_GAIN] > 0)
     doubts = doubt_after(known["doubts"][0], square), doubt_after(known["doubts"][1], base_square)
     return {

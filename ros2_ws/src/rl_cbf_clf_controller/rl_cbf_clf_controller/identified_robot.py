@@ -103,15 +103,14 @@ def after_tick(nominal: RobotNumbers, gives_way: bool, tick_seconds: float = TIC
     after |= {"errors": errors, "differences": differences, "standing": standing}
     tick = {"start": start, "end": now["x"], "before": known["torque"], "now": torque, **lengths}
     tick |= {"force": force, "rate_variance": rate_variance(errors, differences)}
-    is_known = ca.logic_and(learns, differences >= FIRST_DIFFERENCES)
-    later = learned(nominal, known, tick, seconds, is_known)
+    tick["learns"] = is_known = ca.logic_and(learns, differences >= FIRST_DIFFERENCES)
+    later = learned(nominal, known, tick, seconds)
     value, base, doubts = later["value"], later["base"], later["doubts"]
     used, disbelief = in_use(value, base, first["value"], doubts) if gives_way else (value, ca.SX(0))
     later |= {"used": used, "lateness": lateness(used[LATE_TORQUE]), "disbelief": disbelief}
     later["numbers"] = with_links(nominal, used)
     kept = known | {name: ca.if_else(pinned, known[name], first[name]) for name in ("regressor", "measured", "share")}
-    after |= {name: later.pop(name) for name in FITS}
-    after |= {name: ca.if_else(is_known, value, kept[name]) for name, value in later.items()}
+    after |= {name: value if name in FITS else ca.if_else(is_known, value, kept[name]) for name, value in later.items()}
     after |= {**sums, "ticks": ticks, "start": start, "tick": now["tick"], "x": now["x"]}
     after["torque"] = ca.if_else(is_whole, torque, known["torque"])
     inputs, outputs = {"known": packed(known), **now, **lengths}, {name: after[name] for name in first}

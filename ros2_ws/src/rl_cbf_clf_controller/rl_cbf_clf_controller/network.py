@@ -78,7 +78,7 @@ class Actor:
     def _bind(self, n: int) -> None:
         """Memory for so many rows."""
         self._x, memory = np.empty((n, self._inputs)), np.empty(self.widest + n * self.units)
-        self._y, self._memory = memory[memory.size - n * self.outputs :].reshape(n, self.outputs), memory
+        self._y = memory[memory.size - n * self.outputs :].reshape(n, self.outputs)
         self._given = n, *self._layers, self._x.ctypes.data, memory.ctypes.data
 
     def __call__(self, scaled: NDArray[Any]) -> NDArray[np.float64]:
