@@ -143,10 +143,10 @@ class BatchController:
 
     def _learned(self, policy: ZeroPolicy | ActorPolicy, seen: Array) -> Array:
         """The policy's estimates, (N, size)."""
-        if type(policy) is ZeroPolicy:
-            return self._nothing
-        observation, LgV = self._one.learned_from
-        return policy.values_of_many(seen[:, observation], seen[:, LgV]).row
+        if isinstance(policy, ActorPolicy):
+            observation, LgV = self._one.learned_from
+            return policy.values_of_many(seen[:, observation], seen[:, LgV]).row
+        return self._nothing
 
     def _total(self, learned: Array, seen: Array) -> Array:
         """With those of the identified robots, (N, size)."""
