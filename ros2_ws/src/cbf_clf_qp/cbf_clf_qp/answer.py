@@ -45,10 +45,6 @@ class Decided:
         """That of robot `i` of N."""
         return Decided(self.values[i], self.layout, self.solved[i], self.solver[i], self.status[i], self.seconds)
 
-    def is_by(self, solver: str) -> bool:
-        """Whether it is this solver's answer: not its guard's, and not nobody's."""
-        return bool(self.solved) and self.solver == solver
-
     @property
     def u(self) -> Array:
         """The input."""
