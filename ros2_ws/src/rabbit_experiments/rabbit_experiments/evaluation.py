@@ -25,7 +25,7 @@ from rabbit_experiments.batch_evaluation import walk_together
 from rabbit_experiments.cache import Job
 from rabbit_experiments.metrics import RunResult, RunTally
 from rabbit_experiments.provenance import named_files, plain
-from rabbit_experiments.walk_records import PLANT, WalkRecords, about_walk, load_records, save_records
+from rabbit_experiments.walk_records import WalkRecords, about_walk, load_records, save_records
 
 
 class Timed:
@@ -98,7 +98,6 @@ def record_walk(assembly: Assembly, seed: int) -> WalkRecords:
         fault = episode(simulation, controller, seed, ticks.append)
         outcome, policy = ended(simulation, fault, ticks), controller.policy.version
         about = about_walk(assembly.controller, assembly.simulation, policy, seed, outcome)
-        about |= {PLANT: assembly.simulation.model_dump(mode="json")}
         return WalkRecords.from_ticks(ticks, simulation.landings, about)
 
 

@@ -32,7 +32,6 @@ DRAWN = (
     *("R1", "R2", "stone_margin", "eps", "kp", "kd"),
 )
 DRAWN_OF_PLANT = ("mass_scale", "payload", "link_bend", "leg_stretch", "stones", "slope", "terrain", "tick_seconds")
-PLANT = "simulation"  # in `about` of a run's records: all parameters of its plant, for a film to go on with
 MOST_BYTES = 200_000_000  # of records; a tick has about a thousand, half as many in the file
 GAINS = ("eps", "kp", "kd", "tick_seconds")  # positive
 NUMBERS = {*DRAWN[2:], "link_bend", "leg_stretch", "stones", "slope", "tick_seconds"}

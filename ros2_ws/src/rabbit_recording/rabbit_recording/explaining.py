@@ -1,13 +1,15 @@
-"""A recorded tick, explained: the controller's programme by replay, and what changed since the tick before."""
+"""A tick explained: the programme, of a recorded one by replay, and what changed since the tick before."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from rabbit_description.state import TICK_SECONDS, Array
+from cbf_clf_qp.tick import Tick
+from rabbit_description.state import TICK_SECONDS
 from rl_cbf_clf_controller.explanation import Explanation, Words, changes, explain
-from rl_trainer.rollout import Record
+from rl_trainer.rollout import Moment, Record
+from rl_trainer.task_episode import Ride
 
 from rabbit_recording import RecordingError
 from rabbit_recording.checking import replayed
@@ -49,53 +51,68 @@ class ExplainedTick:
         return [*told, *(f"  {line}" for line in self.changed)]
 
 
-Explained = tuple[Record, Explanation]
+def explained(
+    programme: Tick, moments: Mapping[int, Moment], tick: int, records: Mapping[int, Record]
+) -> tuple[Explanation, Explanation | None]:
+    """A tick, and the one before if it is among the `moments`; the next of the `records` says what was measured."""
+
+    def of(k: int) -> Explanation:
+        now, after = moments[k], records.get(k + 1)
+        measured = after.output.measured if after and after.output.measured.size else None
+        return explain(programme, now.x, now.p, now.estimates, now.decided, measured)
+
+    return of(tick), of(tick - 1) if tick - 1 in moments else None
 
 
-def measured_over(after: Record | None) -> Array | None:
-    """The quantities (k,) over a tick, as the tick `after` it measured them; None where it did not."""
-    return None if after is None or not after.output.measured.size else after.output.measured
-
-
-def explained_tick(
-    of: str, now: Explained, before: Explained | None, is_set: bool = False, tick_seconds: float = TICK_SECONDS
+def explain_walk(
+    of: str,
+    programme: Tick,
+    moments: Mapping[int, Moment],
+    tick: int,
+    records: Mapping[int, Record],
+    tick_seconds: float = TICK_SECONDS,
+    is_set: bool = False,
 ) -> ExplainedTick:
-    """RABBIT's tick `now` and the one `before`; `of`: of what a tick; `is_set`: parameters changed in it."""
-    output = now[0].output
+    """A tick of RABBIT's; `of`: of what; `is_set`: parameters changed in it. Raises ValueError: no solver answered."""
+    now, before = explained(programme, moments, tick, records)
+    output = moments[tick].output
     where = f"step {output.step_index}, on the {LEGS[output.stance]} leg for {output.step_time:.2f} s"
-    title = f"{of}, tick {output.tick} ({output.tick * tick_seconds:.2f} s): {where}"
+    title = f"{of}, tick {tick} ({tick * tick_seconds:.2f} s): {where}"
     noise = "; exploration was added to this answer" * bool(output.omega.any())
     answered = f"policy {output.policy_version}, answered by {output.solver}{noise}"
-    changed = changes_of(before, now, is_set) if before else ["it is the first"]
-    return ExplainedTick(title, answered, now[1], changed, WORDS, INPUTS)
+    changed = ["it is the first"]
+    if before:
+        told = [*what_changed(moments[tick - 1], moments[tick], is_set), *changes(before, now)]
+        changed = told or ["no row, no leg, no contact changed"]
+    return ExplainedTick(title, answered, now, changed, WORDS, INPUTS)
 
 
-def changes_of(before: Explained, now: Explained, is_set: bool) -> list[str]:
-    """What is another in RABBIT's tick than in the one before."""
-    (was, _), (record, _) = before, now
+def what_changed(was: Record, now: Record, is_set: bool) -> list[str]:
+    """What is another in RABBIT's tick than in the one before, but for the rows."""
     feet = [
-        f"the {LEGS[leg]} foot {'touches' if record.state.contact[leg] else 'leaves'} the ground"
-        for leg in np.flatnonzero(was.state.contact != record.state.contact)
+        f"the {LEGS[leg]} foot {'touches' if now.state.contact[leg] else 'leaves'} the ground"
+        for leg in np.flatnonzero(was.state.contact != now.state.contact)
     ]
-    told = [f"the robot stands on the {LEGS[record.output.stance]} leg"] * (was.output.stance != record.output.stance)
-    told += [f"policy {record.output.policy_version}"] * (was.output.policy_version != record.output.policy_version)
-    told += ["another stone is seen"] * (was.state.preview != record.state.preview)
-    told += ["parameters changed"] * is_set
-    return [*feet, *told, *changes(before[1], now[1])] or ["no row, no leg, no contact changed"]
+    told = [f"the robot stands on the {LEGS[now.output.stance]} leg"] * (was.output.stance != now.output.stance)
+    told += [f"policy {now.output.policy_version}"] * (was.output.policy_version != now.output.policy_version)
+    told += ["another stone is seen"] * (was.state.preview != now.state.preview)
+    return [*feet, *told, *["parameters changed"] * is_set]
+
+
+def worst_of(records: Mapping[int, Record]) -> int:
+    """The tick whose slacks of last resort are largest in all."""
+    return max(records, key=lambda k: np.nan_to_num(records[k].output.rescue_slack, nan=-1.0))
 
 
 def explain_tick(path: Path, tick: int | None = None, number: int | None = None) -> ExplainedTick:
-    """Explain a tick of episode `number`, by default of the last with ticks; the worst, where none is named.
-
-    The worst is the one whose slacks of last resort are largest in all.
+    """Explain a recorded tick of episode `number`, by default of the last with ticks; the worst, where none is named.
 
     Raises:
         RecordingError: as `iterate_episodes`; no such tick, or one that cannot be replayed.
     """
     episode = last_episode(path, number)
     records = {record.state.tick: record for record in episode.records}
-    if tick is None:
-        tick = max(records, key=lambda k: np.nan_to_num(records[k].output.rescue_slack, nan=-1.0))
+    tick = worst_of(records) if tick is None else tick
     here = f"recording {path}: tick {tick} of episode {episode.number}"
     if tick not in records:
         raise RecordingError(f"{here}: expected one that was recorded, {episode.first} to {episode.last}")
@@ -103,16 +120,30 @@ def explain_tick(path: Path, tick: int | None = None, number: int | None = None)
         raise RecordingError(f"{here}: its controller publishes no controller_state")
     if missing := [k for k in range(tick) if k not in records]:
         raise RecordingError(f"{here}: a replay needs all ticks before it, but tick {missing[0]} is missing")
-    explained = list[Explained]()
+    moments = dict[int, Moment]()
     with one_line_errors(path, f"tick {tick} of episode {episode.number} cannot be explained"):
         wanted = replace(episode, records=[records[k] for k in range(tick + 1)])
-        for record, (controller, output) in zip(wanted.records, replayed(wanted), strict=True):
-            if output.tick >= tick - 1:
-                scene, off = controller.scene, np.abs(output.torque - record.output.torque).max()
-                if off > ROUNDING:
-                    raise RecordingError(f"{here}: its replay is off by {off:.3g} N m in tick {output.tick}")
-                decided = controller.qp, scene.x, scene.p, controller.estimates, controller.decided
-                explained.append((record, explain(*decided, measured_over(records.get(output.tick + 1)))))
-    *before, now = explained
-    is_set, last = tick in [settings.tick for settings in episode.settings], before[0] if before else None
-    return explained_tick(f"episode {episode.number}", now, last, is_set, episode.tick_seconds)
+        for k, (controller, output) in enumerate(replayed(wanted)):
+            if k >= tick - 1:
+                record, scene = records[k], controller.scene
+                if (off := np.abs(output.torque - record.output.torque).max()) > ROUNDING:
+                    raise RecordingError(f"{here}: its replay is off by {off:.3g} N m in tick {k}")
+                decided = controller.estimates, controller.decided
+                moments[k] = Moment(record.state, record.output, scene.x, scene.p, *decided)
+        is_set = tick in [settings.tick for settings in episode.settings]
+        told = f"episode {episode.number}", controller.qp, moments, tick, records
+        return explain_walk(*told, episode.tick_seconds, is_set)
+
+
+def explain_ride(ride: Ride, tick: int | None = None) -> ExplainedTick:
+    """A tick of a ride; the worst, where none is named. Raises ValueError where there is nothing to explain."""
+    moments = dict(enumerate(ride.moments))
+    tick = worst_of(moments) if tick is None else tick
+    if tick not in moments:
+        raise ValueError(f"tick {tick} of {ride.controller}: expected one from 0 to {len(moments) - 1}")
+    if (decided := moments[tick].decided) is None:
+        raise ValueError(f"tick {tick} of {ride.controller}: it has no QP")
+    now, before = explained(ride.task.tick, moments, tick, moments)
+    changed = changes(before, now) or ["no row changed"] if before else ["it is the first"]
+    title = f"{ride.task.name}, {ride.controller}, tick {tick} ({moments[tick].output.step_time:.2f} s)"
+    return ExplainedTick(title, f"answered by {decided.solver}", now, changed)

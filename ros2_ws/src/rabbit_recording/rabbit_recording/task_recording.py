@@ -12,7 +12,6 @@ from rabbit_common.message_checks import doubles
 from rabbit_common.task_messages import measured_fields, parameter_fields
 from rabbit_description.task import ControlTask
 from rabbit_description.task_state import layout_of, p_of
-from rl_cbf_clf_controller.explanation import changes, explain
 from rl_cbf_clf_controller.message_fields import state_fields, terms_fields
 from rl_cbf_clf_controller.policy import ActorPolicy
 from rl_trainer.rollout import Record
@@ -20,7 +19,6 @@ from rl_trainer.task_episode import Ride, moment_of
 
 from rabbit_recording.bag_writer import BagWriter, graph_types, offered
 from rabbit_recording.checking import replayed
-from rabbit_recording.explaining import ExplainedTick, measured_over
 from rabbit_recording.open_recording import one_line_errors
 from rabbit_recording.reader import last_episode
 
@@ -98,23 +96,3 @@ def recorded_ride(task: ControlTask, path: Path, number: int | None = None) -> R
             recorded = replace(output, torque=record.output.torque)
             ride.moments.append(moment_of(controller, Record(record.state, recorded)))
     return ride
-
-
-def explain_ride(ride: Ride, tick: int | None = None) -> ExplainedTick:
-    """A tick of a ride; the one whose slacks of last resort are largest in all, where none is named.
-
-    Raises ValueError where there is nothing to explain.
-    """
-    if tick is None:
-        tick = int(np.nan_to_num([moment.output.rescue_slack for moment in ride.moments], nan=-1.0).argmax())
-    if not 0 <= tick < len(ride.moments):
-        raise ValueError(f"tick {tick} of {ride.controller}: expected one from 0 to {len(ride.moments) - 1}")
-    now, *before = [ride.moments[k] for k in (tick, tick - 1) if k >= 0]
-    if now.decided is None:
-        raise ValueError(f"tick {tick} of {ride.controller}: it has no QP")
-    after = measured_over(ride.moments[tick + 1] if tick + 1 < len(ride.moments) else None)
-    explanation = explain(ride.task.tick, now.x, now.p, now.estimates, now.decided, after)
-    others = [explain(ride.task.tick, m.x, m.p, m.estimates, m.decided) for m in before]
-    changed = changes(others[0], explanation) or ["no row changed"] if others else ["it is the first"]
-    title = f"{ride.task.name}, {ride.controller}, tick {tick} ({now.output.step_time:.2f} s)"
-    return ExplainedTick(title, f"answered by {now.decided.solver}", explanation, changed)

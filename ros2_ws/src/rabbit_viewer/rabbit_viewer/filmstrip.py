@@ -29,9 +29,8 @@ def draw_walk(walk: WalkRecords, path: Path) -> Path:
     feet = legs[:, :, 2].swapaxes(0, 1)
     left = feet[rows, :, 0].min() - ROOM[0]
     right = max(feet[rows, :, 0].max() + ROOM[1], left + LEAST)
-    wide = style.inches()
-    tall, low = wide * (TOP + 0.1) / (right - left), wide / style.PAGE
-    figure, (robot, foot) = style.figure(2, (tall + 2.6 * low**0.5) / 2, wide, height_ratios=(tall, 1.6 * low**0.5))
+    tall = style.PAGE * (TOP + 0.1) / (right - left)
+    figure, (robot, foot) = style.figure(2, (tall + 2.6) / 2, height_ratios=(tall, 1.6))
     spans = stone_spans(walk, feet)[: int(walk.step_index[rows[-1]]) + 2]
     for axes, depth in ((robot, STONE_DEPTH), (foot, PATH_TOP / 10)):
         for near, far, top in spans or [Span(left, right)]:
@@ -50,18 +49,15 @@ def draw_walk(walk: WalkRecords, path: Path) -> Path:
         style.legend(axes)
     robot.set(xlim=(left, right), ylim=(-0.1, TOP), aspect="equal", anchor="S", ylabel="z (m)")
     foot.set(ylim=(-PATH_TOP / 10, PATH_TOP), ylabel="swing foot z (m)", xlabel="x (m)")
-    if wide == style.PAGE:  # a paper has captions
-        figure.suptitle(str(walk.about.get("title", "")), fontsize=10)
+    figure.suptitle(str(walk.about.get("title", "")), fontsize=10)
     return style.save(figure, path)
 
 
 def _draw_robot(axes: Axes, walk: WalkRecords, legs: Array, row: int, opacity: float) -> None:
-    thin = style.inches() / style.PAGE
-    look: dict[str, Any] = {"alpha": opacity, "solid_capstyle": "round"}
-    look["linewidth"] = (2.0 if opacity == 1 else 1.2) * thin
+    look: dict[str, Any] = {"alpha": opacity, "solid_capstyle": "round", "linewidth": 2.0 if opacity == 1 else 1.2}
     stance = Leg(walk.stance[row])
     for leg in (stance.other, stance):  # the stance leg before the other
-        axes.plot(*legs[leg, row].T, color=STANCE if leg is stance else SWING, marker=".", markersize=4 * thin, **look)
+        axes.plot(*legs[leg, row].T, color=STANCE if leg is stance else SWING, marker=".", markersize=4, **look)
     axes.plot(*torso_points(walk.q[row : row + 1])[0].T, color=style.BLACK, **look)
 
 

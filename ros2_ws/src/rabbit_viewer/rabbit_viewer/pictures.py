@@ -22,11 +22,8 @@ BARRIER_COLOURS = style.BLUE, style.ORANGE, style.GREEN, style.PURPLE
 BARRIER_LABELS = {"B1": "B1 (m): before the far edge", "B2": "B2 (m): past the near edge"}
 
 
-def draw(walk: WalkRecords, out: Path, suffix: str = ".png", columns: int | None = None) -> list[Path]:
-    """All pictures of a walk; returns their paths. CLF, barriers and quantities are drawn where there are some.
-
-    `columns`: of a paper, that they are as wide as.
-    """
+def draw(walk: WalkRecords, out: Path, suffix: str = ".png") -> list[Path]:
+    """All pictures of a walk; returns their paths. CLF, barriers and quantities are drawn where there are some."""
     pictures = [draw_walk, draw_swing_foot, draw_forces, draw_torques]
     if np.isfinite(walk.V).any():
         pictures.insert(2, draw_clf)
@@ -34,7 +31,7 @@ def draw(walk: WalkRecords, out: Path, suffix: str = ".png", columns: int | None
         pictures.insert(2, draw_barriers)
     if np.isfinite(walk.measured).any():
         pictures.append(draw_quantities)
-    with style.look(columns):
+    with style.look():
         return [picture(walk, out / f"{picture.__name__.removeprefix('draw_')}{suffix}") for picture in pictures]
 
 
@@ -185,6 +182,5 @@ def _end(walk: WalkRecords) -> float:
 
 def _finish(walk: WalkRecords, figure: Figure, path: Path) -> Path:
     figure.axes[-1].set(xlabel="time (s)", xlim=(0, 1.02 * _end(walk)))
-    if (title := walk.about.get("title")) and style.inches() == style.PAGE:  # a paper has captions
-        figure.suptitle(str(title), fontsize=10)
+    figure.suptitle(str(walk.about.get("title", "")), fontsize=10)
     return style.save(figure, path)

@@ -10,7 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Circle
 from rabbit_description.task import ControlTask, Line, Shape
 from rabbit_experiments.task_rides import RideRow
-from rl_trainer.task_episode import Moment, Ride
+from rl_trainer.rollout import Moment
+from rl_trainer.task_episode import Ride
 
 from rabbit_viewer import style
 from rabbit_viewer.page.ride import RideRows, pictured

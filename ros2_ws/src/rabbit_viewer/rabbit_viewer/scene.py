@@ -21,14 +21,12 @@ from rabbit_experiments.walk_records import WalkRecords
 
 from rabbit_viewer import style
 from rabbit_viewer.geometry import DEPTH, area_at, fall_of, force_arrow, legs_of, stone_spans, torso_points
-from rabbit_viewer.limp_fall import COMPUTED_FROM
 
 VIEW = (-1.2, 1.2, -0.25, 1.6)  # m: left, right, bottom, top, from below the hip
 SIZE = (960, 740)  # pixels, as the view
 LEFT = 19  # pixels, of all words
 TITLE, NUMBERS, REASON, WORDS_END = 14, 58, 124, 260  # pixels from the top
 LETTERS = 66  # of a reason's line
-COMPUTED = "The walk has ended: the robot is limp.\nThis part is computed, not recorded."
 SMALL, LARGE, LINE_SPACING = 15, 24, 5  # pixels
 BOXES: dict[str, dict[str, Any]] = {  # in the order in which they are drawn, before the lines
     "area": {"facecolor": style.AREA, "edgecolor": "none"},
@@ -142,8 +140,6 @@ class Scene:
         if self.fall is not None and row >= self.fall:
             why = "\n".join(wrap(str(walk.about.get("reason", "")), LETTERS))
             draw.multiline_text((LEFT, REASON), why, style.RED, self._large, spacing=LINE_SPACING)
-        if row >= walk.about.get(COMPUTED_FROM, np.inf):
-            draw.multiline_text((LEFT, REASON), COMPUTED, style.RED, self._large, spacing=LINE_SPACING)
         return image
 
 

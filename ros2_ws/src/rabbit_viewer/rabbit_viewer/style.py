@@ -16,9 +16,6 @@ from rabbit_viewer.colours import AREA, BLACK, BLUE, GREEN, ORANGE, PURPLE, RED,
 __all__ = ["AREA", "BLACK", "BLUE", "GREEN", "ORANGE", "PURPLE", "RED", "SKY", "STONE", "YELLOW"]
 
 PAGE = 9.0  # inches, of a picture on a page
-COLUMNS = {1: 3.5, 2: 7.16}  # inches, of a figure in a paper of two columns
-LONG_LABEL = 22  # letters, of which two do not fit in a column
-IN_COLUMN = 0.62  # as high, over what it is on a page
 LOOK: Any = {
     "figure.figsize": (PAGE, 2.4),
     "font.size": 9,
@@ -31,25 +28,16 @@ LOOK: Any = {
 }
 
 
-def look(columns: int | None = None) -> AbstractContextManager[None]:
-    """Draw inside this: for a page, or as wide as so many `COLUMNS` of a paper, with letters of 7 points."""
-    if columns is None:
-        return mpl.rc_context(LOOK)
-    small: Any = {"font.size": 7, "figure.titlesize": 7, "lines.linewidth": 0.9, "legend.handlelength": 1.4}
-    return mpl.rc_context({**LOOK, "figure.figsize": (COLUMNS[columns], 2.4), **small, "pdf.fonttype": 42})
-
-
-def inches() -> float:
-    """Width of a picture that is drawn here."""
-    return float(mpl.rcParams["figure.figsize"][0])
+def look() -> AbstractContextManager[None]:
+    """Draw inside this."""
+    return mpl.rc_context(LOOK)
 
 
 def figure(
-    rows: int = 1, height: float = 2.4, width: float | None = None, sharex: bool = True, **options: Any
+    rows: int = 1, height: float = 2.4, width: float = PAGE, sharex: bool = True, **options: Any
 ) -> tuple[Figure, list[Axes]]:
-    """A figure of `rows` panels, which share their x axis unless `sharex` is False; sizes in inches, as on a page."""
-    lower = 1.0 if width or inches() == PAGE else IN_COLUMN
-    drawing = Figure(figsize=(width or inches(), height * rows * lower), layout="constrained")
+    """A figure of `rows` panels, which share their x axis unless `sharex` is False; sizes in inches."""
+    drawing = Figure(figsize=(width, height * rows), layout="constrained")
     FigureCanvasAgg(drawing)
     axes = drawing.subplots(rows, 1, sharex=sharex, squeeze=False, **options)
     return drawing, list(axes[:, 0])
@@ -72,8 +60,5 @@ def limit(axes: Axes, value: float, label: str) -> None:
 
 def legend(axes: Axes, columns: int = 4) -> None:
     """Above the panel, where it hides nothing; none where nothing is labelled."""
-    labels = axes.get_legend_handles_labels()[1]
-    if inches() == COLUMNS[1]:
-        columns = 1 if max(map(len, labels), default=0) > LONG_LABEL else 2
-    if labels:
+    if axes.get_legend_handles_labels()[1]:
         axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=columns, borderaxespad=0.2)

@@ -6,7 +6,6 @@ from typing import Any
 from rabbit_description.bounded_file import exists
 from rabbit_experiments.walk_records import (
     DRAWN_OF_PLANT,
-    PLANT,
     RECORDING,
     RECORDS,
     WalkRecords,
@@ -16,23 +15,18 @@ from rabbit_experiments.walk_records import (
 )
 from rabbit_recording.reader import last_episode
 
-from rabbit_viewer.limp_fall import with_fall
 
-
-def draw_pictures(
-    source: Path, out: Path | None = None, episode: int | None = None, form: str = "png", columns: int | None = None
-) -> list[Path]:
+def draw_pictures(source: Path, out: Path | None = None, episode: int | None = None, form: str = "png") -> list[Path]:
     """Draw into the folder `out`, by default SOURCE/pictures of a run and SOURCE-pictures of a recording.
 
-    `episode`: of a recording, by default the last one with ticks; `form`: png, pdf or svg; `columns`: of a paper, that
-    they are as wide as.
+    `episode`: of a recording, by default the last one with ticks; `form`: png, pdf or svg.
 
     Raises:
         RecordsError, RecordingError: not readable, or no such episode in it.
     """
     from rabbit_viewer.pictures import draw  # a played walk does without matplotlib
 
-    return draw(records_of(source, episode), out or place_of(source, "pictures", "-pictures"), f".{form}", columns)
+    return draw(records_of(source, episode), out or place_of(source, "pictures", "-pictures"), f".{form}")
 
 
 def film_walk(
@@ -46,7 +40,7 @@ def film_walk(
     """
     from rabbit_viewer.video import film
 
-    walks = [with_fall(records_of(source, episode)), *([with_fall(records_of(beside))] if beside else [])]
+    walks = [records_of(source, episode), *([records_of(beside)] if beside else [])]
     return film(walks, place_of(source, "walk.mp4", ".mp4"), speed, gif)
 
 
@@ -80,4 +74,4 @@ def _plant_of_the_run(bag: Path) -> dict[str, Any]:
     if folder.name != RECORDING or not (folder.parent / RECORDS).exists():
         return {}
     about = load_records(folder.parent / RECORDS).about
-    return {name: about[name] for name in (*DRAWN_OF_PLANT, PLANT) if name in about}
+    return {name: about[name] for name in DRAWN_OF_PLANT if name in about}

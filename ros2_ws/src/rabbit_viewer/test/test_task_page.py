@@ -14,7 +14,7 @@ from cbf_clf_qp import Barrier, System
 from own_cart import CART, LIMIT
 from rabbit_description.task import ControlTask
 from rabbit_description.task_source import load_task
-from rabbit_recording.task_recording import explain_ride
+from rabbit_recording.explaining import explain_ride
 from rabbit_viewer.page.broadcast import Broadcast
 from rabbit_viewer.page.ride import RideRows
 from rabbit_viewer.play.messages import ASKED

@@ -2,7 +2,6 @@
 
 DIR/parameters.yaml             what was asked for
 DIR/checkpoint.pt               all of the trainer after an episode, with a checksum; replaced at once or not at all
-DIR/checkpoint-before.pt        the one before; training goes on from it where the newest is damaged
 DIR/policies/NNN.safetensors    the policy after episode NNN
 DIR/curve.csv                   how the episodes went, see `curve.py`
 DIR/journal-NNNNNN.txt          a node's transitions since then: a line of JSON each, after its checksum
@@ -33,7 +32,7 @@ from rl_trainer.parameters import TrainingParameters
 from rl_trainer.training import Trainer
 from rl_trainer.transitions import Doubt, Transition
 
-CHECKPOINT, BEFORE = "checkpoint.pt", "checkpoint-before.pt"
+CHECKPOINT = "checkpoint.pt"
 MOST_BYTES = 10_000_000_000  # of a checkpoint; 5,000,000 transitions have half of it
 MOST_JOURNAL_BYTES = 500_000_000  # a transition has about three thousand
 DIGEST = hashlib.sha256().digest_size  # bytes at the head of a checkpoint
@@ -92,8 +91,6 @@ class Checkpoint:
         data = content.getvalue()
         with replacing(newest) as partial:
             partial.write_bytes(hashlib.sha256(data).digest() + data)
-            if newest.exists():
-                newest.replace(self.folder / BEFORE)
         for journal in self.folder.glob("journal-*"):
             journal.unlink()
 
@@ -109,39 +106,25 @@ class Checkpoint:
 
 
 def read_checkpoint(folder: Path) -> dict[str, Any] | None:
-    """The newest checkpoint that is whole, None where there is none. One that is damaged is said.
-
-    Raises:
-        CheckpointError: none is whole.
-    """
-    damaged = ""
-    for path in filter(Path.exists, (folder / CHECKPOINT, folder / BEFORE)):
-        try:
-            state = _read(path)
-        except Exception as error:  # a damaged file may raise anything
-            damaged = damaged or f"checkpoint {path}: {one_line(error, 200)}"
-            continue
-        if damaged:
-            log.warning("%s; going on from %s", damaged, path.name)
+    """What is in the folder, None where there is no checkpoint; raises `CheckpointError`: it is damaged."""
+    path = folder / CHECKPOINT
+    if not path.exists():
+        return None
+    try:
+        data = read_bytes(path, MOST_BYTES)
+        if hashlib.sha256(data[DIGEST:]).digest() != data[:DIGEST]:
+            raise ValueError("damaged, or of another version: its checksum is not that of its content")
+        content = io.BytesIO(data[DIGEST:])
+        with ZipFile(content) as archive:  # torch writes no other, and would decompress whatever comes
+            if any(part.file_size > part.compress_size for part in archive.infolist()):
+                raise ValueError("compressed: expected plain tensors")
+        content.seek(0)
+        state = torch.load(content, weights_only=True)
+        if not isinstance(state, dict) or not isinstance(state.get("episode"), int):
+            raise ValueError("expected names with values, `episode` a whole number")
         return state
-    if damaged:
-        raise CheckpointError(damaged)
-    return None
-
-
-def _read(path: Path) -> dict[str, Any]:
-    data = read_bytes(path, MOST_BYTES)
-    if hashlib.sha256(data[DIGEST:]).digest() != data[:DIGEST]:
-        raise ValueError("damaged, or of another version: its checksum is not that of its content")
-    content = io.BytesIO(data[DIGEST:])
-    with ZipFile(content) as archive:  # torch writes no other, and would decompress whatever comes
-        if any(part.file_size > part.compress_size for part in archive.infolist()):
-            raise ValueError("compressed: expected plain tensors")
-    content.seek(0)
-    state = torch.load(content, weights_only=True)
-    if not isinstance(state, dict) or not isinstance(state.get("episode"), int):
-        raise ValueError("expected names with values, `episode` a whole number")
-    return state
+    except Exception as error:  # a damaged file may raise anything
+        raise CheckpointError(f"checkpoint {path}: {one_line(error, 200)}") from error
 
 
 def journal_path(folder: Path, episode: int) -> Path:

@@ -4,6 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
+from cbf_clf_qp.answer import Decided
+from cbf_clf_qp.estimates import Estimates
 from rabbit_description.state import Array, RobotState
 from rl_cbf_clf_controller.controller_output import ControllerOutput
 
@@ -30,6 +32,24 @@ class Record:
 
     state: RobotState
     output: ControllerOutput
+
+
+@dataclass(frozen=True)
+class Moment(Record):
+    """A tick with what it was decided from: the state x (n,), and the parameters p (k,) that the model has there.
+
+    Under a controller without a QP there are neither `estimates` nor `decided`.
+    """
+
+    x: Array
+    p: Array
+    estimates: Estimates | None
+    decided: Decided | None
+
+    @property
+    def u(self) -> Array:
+        """The input (m,)."""
+        return self.output.torque
 
 
 Observer = Callable[[Record], object]

@@ -6,8 +6,6 @@ ride = ride_of(TaskController(task), "nominal", seed=1)        all ticks, and ho
 from dataclasses import dataclass, field
 
 import numpy as np
-from cbf_clf_qp.answer import Decided
-from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import Array
 from rabbit_description.state import RobotState
 from rabbit_description.task import ControlTask
@@ -15,26 +13,7 @@ from rabbit_description.task_simulation import TaskSimulation
 from rabbit_description.task_state import p_of, x_of
 from rl_cbf_clf_controller.task_controller import Controlling, TaskController
 
-from rl_trainer.rollout import Record, rollout
-
-
-@dataclass(frozen=True)
-class Moment(Record):
-    """A tick in the state x (n,); without a QP there are neither `estimates` nor `decided`."""
-
-    x: Array
-    estimates: Estimates | None
-    decided: Decided | None
-
-    @property
-    def p(self) -> Array:
-        """The parameters (k,) that the model has."""
-        return p_of(self.state)
-
-    @property
-    def u(self) -> Array:
-        """The input (m,)."""
-        return self.output.torque
+from rl_trainer.rollout import Moment, Record, rollout
 
 
 @dataclass
@@ -104,5 +83,6 @@ def ride_of(controller: TaskController, controlling: Controlling, seed: int, sig
 
 def moment_of(controller: TaskController, record: Record) -> Moment:
     """What a tick was that the controller has just decided."""
-    x = x_of(controller.task, record.state)
-    return Moment(record.state, record.output, x, controller.estimates, controller.decided)
+    state = record.state
+    decided = controller.estimates, controller.decided
+    return Moment(state, record.output, x_of(controller.task, state), p_of(state), *decided)

@@ -15,7 +15,8 @@ from rl_cbf_clf_controller.task_controller import NOMINAL, ORACLE, TaskControlle
 
 from rl_trainer import session
 from rl_trainer.parameters import TrainingParameters
-from rl_trainer.task_episode import Moment, Ride, ride_of
+from rl_trainer.rollout import Moment
+from rl_trainer.task_episode import Ride, ride_of
 from rl_trainer.training import Trainer
 from rl_trainer.transitions import Doubt, Transition, TransitionBuilder
 

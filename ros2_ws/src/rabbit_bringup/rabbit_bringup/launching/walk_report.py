@@ -126,7 +126,7 @@ def write_summary(
     """
     from rabbit_description.atomic_file import replace_text
     from rabbit_experiments import provenance
-    from rabbit_experiments.walk_records import DRAWN, PLANT, WalkRecords, about_walk, save_records
+    from rabbit_experiments.walk_records import DRAWN, WalkRecords, about_walk, save_records
     from rabbit_recording.reader import iterate_episodes
     from rabbit_recording.timing import real_time_figures
 
@@ -154,7 +154,6 @@ def write_summary(
     if last is not None:
         version = last.records[-1].output.policy_version
         about = about_walk(walk.controller, walk.simulation, version, last.seed, last.outcome)
-        about |= {PLANT: walk.simulation.model_dump(mode="json")}
         if walk.options.is_foreign:
             name = last.controller or "a controller without a name"
             title = f"{name}, mass scale {walk.simulation.mass_scale:g}, seed {last.seed}: {last.outcome}"

@@ -67,7 +67,7 @@ def switch(name: str, said: str) -> bool:
     return SWITCH[said.lower()]
 
 
-def rviz(namespace: Any, condition: Any = None) -> Node:
+def rviz(namespace: Any) -> Node:
     """RViz with the layout of a walk; it needs rviz2."""
     layout = f"{get_package_share_directory('rabbit_bringup')}/config/walk.rviz"
     return Node(
@@ -76,11 +76,10 @@ def rviz(namespace: Any, condition: Any = None) -> Node:
         namespace=namespace,
         arguments=["-d", layout],
         remappings=[("/tf", "tf"), ("/clock", "clock")],
-        condition=condition,
     )
 
 
-def node(name: str, parameters: Sequence[Any], **more: Any) -> Node:
+def node(name: str, parameters: Sequence[Any]) -> Node:
     """Start one of the graph's nodes; `parameters`: those beneath `params_file`."""
     return Node(
         package=PACKAGES[name],
@@ -94,5 +93,4 @@ def node(name: str, parameters: Sequence[Any], **more: Any) -> Node:
         output="screen",
         sigterm_timeout=str(PATIENCE),
         sigkill_timeout=str(PATIENCE),
-        **more,
     )

@@ -141,19 +141,16 @@ def plot(
     out: Annotated[Path | None, typer.Option(help="folder (default: SOURCE-pictures or RUN/pictures)")] = None,
     episode: Episode = None,
     form: Annotated[Literal["png", "pdf", "svg"], typer.Option(help="form of the files")] = "png",
-    columns: Annotated[int | None, typer.Option(help="width in columns of a paper of two", min=1, max=2)] = None,
     task: Task = None,
 ) -> None:
     """Draw the pictures of a run or a recording."""
-    if task and columns:
-        fail(f"--columns {columns}: expected none with --task")
     if out or task:
         folder = own_folder(out or source.with_name(f"{source.stem}-pictures"), "bag plot")
     with complaints(ValueError, RuntimeError, OSError):
         if task:
             drawn = brought("ride")(ride_in(source, task, episode), folder, form)
         else:
-            drawn = brought("recording")(source, out, episode, form, columns)
+            drawn = brought("recording")(source, out, episode, form)
         print(*drawn, sep="\n")
 
 
@@ -211,18 +208,13 @@ def explain(
     task: Task = None,
 ) -> None:
     """Explain a tick: what each row asks, which rows exclude each other, what torque would do, what changed."""
-    from rabbit_recording.explaining import explain_tick
+    from rabbit_recording.explaining import explain_ride, explain_tick
 
     if worst == (tick is not None):
         fail("expected --tick N or --worst")
     draw = brought("explanation") if picture else None
     with complaints(ValueError, RecordingError):
-        if task:
-            from rabbit_recording.task_recording import explain_ride
-
-            explained = explain_ride(ride_in(bag, task, episode), tick)
-        else:
-            explained = explain_tick(bag, tick, episode)
+        explained = explain_ride(ride_in(bag, task, episode), tick) if task else explain_tick(bag, tick, episode)
     print(*explained.lines(), sep="\n")
     if draw:
         with complaints(ValueError, OSError):

@@ -11,7 +11,7 @@ from rl_cbf_clf_controller.parameters import ControllerParameters
 
 from rabbit_viewer.page import PORT, PageError
 from rabbit_viewer.play.settings import DEFAULTS as SETTINGS
-from rabbit_viewer.play.settings import RECORDED, SEED, YOURS, Choice, OtherChoice, PlaySettings, Yours
+from rabbit_viewer.play.settings import SEED, YOURS, Choice, OtherChoice, PlaySettings, Yours
 
 DEFAULTS = Defaults(always={**SETTINGS, "stop_at_miss": False})
 YOUR_OWN = ("controller", "adaptation", "policy", "parameters")  # robot: any of these options makes it
@@ -32,9 +32,8 @@ class PlayOptions(Checked):
     learn: bool = Field(False, description="train next to the walk, and walk with each policy")
     policy: str | None = Field(None, description="policy of your robot: a shipped policy, a file, zero or oracle")
     parameters: str = Field("ours", description="controller parameters of your robot: a file's name or path")
-    recording: Path | None = Field(None, description="run or recording that walks beside the first robot")
     first: Choice | None = Field(None, description="first robot (default: best, or yours if a controller is given)")
-    second: OtherChoice | None = Field(None, description="robot beside it (default: tuned, or the recording)")
+    second: OtherChoice | None = Field(None, description="robot beside it (default: tuned)")
     seed: int = Field(SEED, ge=0, le=2**31 - 1, description="seed of course, first state and noise")
 
 
@@ -55,10 +54,10 @@ def play(given: Given) -> None:
     with complaints(PageError, PlayError, VideoError):
         again = "same course" if chosen.learn else "wait"
         first = chosen.first or ("learned" if chosen.learn else YOURS if yours else "best")
-        second = chosen.second or (RECORDED if chosen.recording else "nominal" if chosen.learn else "tuned")
+        second = chosen.second or ("nominal" if chosen.learn else "tuned")
         settings = settings_of(plant, first=first, second=second, seed=chosen.seed, again=again)
         options = given.typed(but={*IN_THE_LINK, *UNIMPORTANT})
-        more = {"yours": yours, "recording": chosen.recording, "learns": chosen.learn, "options": options}
+        more = {"yours": yours, "learns": chosen.learn, "options": options}
         start = Start(settings=settings, plant=plant, controller=controller, **more)
         start.check(settings)
         if chosen.export:

@@ -8,8 +8,9 @@ import numpy as np
 from cbf_clf_qp.functions import Array
 from matplotlib.colors import to_rgb
 from rabbit_description.task import ControlTask, Line, Shape
-from rabbit_recording.task_recording import explain_ride
-from rl_trainer.task_episode import Moment, Ride
+from rabbit_recording.explaining import explain_ride
+from rl_trainer.rollout import Moment
+from rl_trainer.task_episode import Ride
 
 from rabbit_viewer.page.recording import Recorded, show
 from rabbit_viewer.page.rows import EVENTS

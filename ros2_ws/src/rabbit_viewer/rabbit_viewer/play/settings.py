@@ -4,7 +4,6 @@ The parameters of the command line are beneath them: `plant_of(base, settings)` 
 walks. A field's `when` says whether a change acts at once or from the next reset.
 """
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, get_args
 
 from pydantic import BaseModel, Field, create_model
@@ -15,7 +14,7 @@ from rabbit_sim.plant import SUBSTEP_SECONDS
 from rl_cbf_clf_controller import kinds
 from rl_cbf_clf_controller.parameters import ControllerParameters, load_parameters
 
-NOBODY, YOURS, RECORDED = "none", "yours", "recording"
+NOBODY, YOURS = "none", "yours"
 LEARNED_ROWS: dict[str, Any] = {"controller": "rl-cbf-clf-qp", "adaptation": "none"}
 IDENTIFIED = {**LEARNED_ROWS, "adaptation": "identification", "objective": "pd_centred", "gait": "paper_stones"}
 SHIPPED = "rl-cbf-clf-qp"  # policy
@@ -34,7 +33,7 @@ if TYPE_CHECKING:
     OtherChoice: TypeAlias = str
 else:  # and every controller that has an entry point
     Choice = Literal["best", "tuned", "learned", "nominal", "identified", "oracle", "l1", YOURS, *kinds.NAMES]
-    OtherChoice = Literal[NOBODY, RECORDED, *get_args(Choice)]
+    OtherChoice = Literal[NOBODY, *get_args(Choice)]
 SWAPPED_AT_ONCE = {"nominal", "learned", "oracle"}  # the same controller with another policy
 ROBOTS = ("first", "second")
 NOW: dict[str, Any] = {"when": "now"}
@@ -109,14 +108,13 @@ class Yours(BaseModel):
 class Start(BaseModel):
     """What is played: the settings, and the parameters beneath them; `options` as they were typed.
 
-    `yours`: what the robot of that name has; `recording`: a run or a recording that walks beside.
+    `yours`: what the robot of that name has.
     """
 
     settings: PlaySettings
     plant: SimulationParameters
     controller: ControllerParameters
     yours: Yours | None = None
-    recording: Path | None = None
     learns: bool = False
     options: str = ""
 
@@ -125,8 +123,6 @@ class Start(BaseModel):
         for title, name in (("controller", settings.first), ("on the same course", settings.second)):
             if name == YOURS and not self.yours:
                 raise PlayError(f"{title} yours: expected --controller, --policy or --parameters on the command line")
-            if name == RECORDED and not self.recording:
-                raise PlayError(f"{title} recording: expected --recording RUN on the command line")
 
 
 SHARED = SimulationParameters.model_fields.keys() & PlaySettings.model_fields.keys()
@@ -159,11 +155,10 @@ def controller_of(
 
 def controls(start: "Start | None" = None) -> list[dict[str, Any]]:
     """What the page shows of the settings, the robots first, see `described`."""
-    absent = {YOURS: not (start and start.yours), RECORDED: not (start and start.recording)}
-    entries = described(PlaySettings)
+    entries, has_yours = described(PlaySettings), bool(start and start.yours)
     for control in entries:
         if control["name"] in ROBOTS:
-            control["enum"] = [choice for choice in control["enum"] if not absent.get(choice)]
+            control["enum"] = [choice for choice in control["enum"] if choice != YOURS or has_yours]
     return sorted(entries, key=lambda control: control["name"] not in ROBOTS)
 
 

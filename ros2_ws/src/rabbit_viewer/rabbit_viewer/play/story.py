@@ -1,23 +1,19 @@
 """What the page says: before a walk what will be seen, at a fall what happened, then what to try next."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from cbf_clf_qp.answer import Decided
-from cbf_clf_qp.estimates import Estimates
 from rabbit_description.state import TICK_SECONDS
 from rabbit_experiments.walk_records import CONTROLLERS
 from rabbit_recording.explaining import WORDS
 from rabbit_sim.simulation import Landing
 from rl_cbf_clf_controller.explanation import BROKEN, number
-from rl_cbf_clf_controller.scene import Scene
 from rl_trainer.rollout import Record
 
 from rabbit_viewer.geometry import stands
-from rabbit_viewer.play.settings import NOBODY, RECORDED, YOURS, PlaySettings, Start
+from rabbit_viewer.play.settings import NOBODY, YOURS, PlaySettings, Start
 
 WHO = {  # what each robot does with the difference between its model and itself
     "best": "identifies its masses as it walks",
@@ -27,20 +23,10 @@ WHO = {  # what each robot does with the difference between its model and itself
     "identified": "identifies its masses as it walks, with the paper's speed",
     "oracle": "is told exactly how wrong its model is",
     "l1": "adapts its model, and sees no stones",
-    RECORDED: "was recorded before",
 }
 TIMES = {0.5: "half of what", 2.0: "twice what", 3.0: "three times what"}
 PUSH = {"text": "Push them", "do": {"do": "push", "force": 200, "seconds": 0.1}}
 WHY = {"text": "Why did it fall?", "do": {"do": "explain"}}
-
-
-@dataclass(frozen=True)
-class Kept(Record):
-    """A tick, what it was decided from, and what was decided."""
-
-    scene: Scene
-    estimates: Estimates
-    decided: Decided
 
 
 def title_of(name: str, start: Start) -> str:
@@ -78,7 +64,7 @@ def next_things(settings: PlaySettings) -> list[dict[str, Any]]:
 
 
 def why_it_fell(
-    name: str, outcome: str, kept: Sequence[Kept], landings: Sequence[Landing], tick_seconds: float = TICK_SECONDS
+    name: str, outcome: str, kept: Sequence[Record], landings: Sequence[Landing], tick_seconds: float = TICK_SECONDS
 ) -> dict[str, Any]:
     """Which row was not kept, in words (`reason`), and the `tick` in which the model was furthest from the robot.
 
@@ -122,12 +108,12 @@ def why_it_fell(
     return {"reason": reason, "tick": tick.output.tick}
 
 
-def promised(tick: Kept, name: str) -> float:
+def promised(tick: Record, name: str) -> float:
     """A quantity over the tick as the controller computed it, by its model and its estimates."""
     i, output = tick.output.quantities.index(name), tick.output
     return float((output.nominal_a[i] + output.alpha[i]) @ output.mu + output.nominal_b[i] + output.beta[i])
 
 
-def measured(after: Kept, name: str) -> float:
+def measured(after: Record, name: str) -> float:
     """A quantity over the tick before."""
     return float(after.output.measured[after.output.quantities.index(name)])

@@ -17,7 +17,7 @@ from rabbit_description.task_simulation import TaskSimulation
 from rabbit_description.task_source import load_task
 from rabbit_description.user_code import fault_in_user_code
 from rabbit_description.validation import Checked
-from rabbit_recording.task_recording import explain_ride
+from rabbit_recording.explaining import explain_ride
 from rl_cbf_clf_controller.task_controller import TaskController
 from rl_trainer.rollout import Record
 from rl_trainer.task_episode import Ride, moment_of

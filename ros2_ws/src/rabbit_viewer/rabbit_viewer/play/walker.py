@@ -10,30 +10,33 @@ from typing import Any
 
 import numpy as np
 from cbf_clf_qp.estimates import Estimates
-from rabbit_description.state import JOINTS
+from rabbit_description.state import JOINTS, TICK_SECONDS
 from rabbit_description.tick import ticks_in
 from rabbit_experiments.assembly import Assembly, resolve_policy
 from rabbit_experiments.walk_records import WalkRecords, about_walk, plant_in_words
-from rabbit_recording.explaining import explained_tick, measured_over
+from rabbit_recording.explaining import explain_walk
 from rabbit_sim.parameters import SimulationParameters
-from rabbit_sim.plant import PlantReading
+from rabbit_sim.plant import Plant, PlantReading
 from rabbit_sim.simulation import Outcome
 from rl_cbf_clf_controller.controller_output import ControllerOutput
-from rl_cbf_clf_controller.explanation import explain
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import Policy
 from rl_cbf_clf_controller.scene import ControllerError
-from rl_trainer.rollout import Record
+from rl_trainer.rollout import Moment, Record
 
-from rabbit_viewer.limp_fall import READ, UNKNOWN, fall_limp
+from rabbit_viewer.geometry import torso_points
 from rabbit_viewer.page.rows import EVENTS, RowMaker
 from rabbit_viewer.play.settings import SHIPPED, SWAPPED_AT_ONCE, YOURS, Start, controller_of
-from rabbit_viewer.play.story import Kept, title_of, why_it_fell
+from rabbit_viewer.play.story import title_of, why_it_fell
 
 CLEAR_HEIGHT = 0.01  # m, of a swing foot that is well in the air
 NONE = Estimates.zero(1, JOINTS)  # before the oracle nobody has estimated
 RUNNING = 1  # column of a row
 KEPT_TICKS = 6_000  # a minute: a tick takes some 10 kB
+LIMP_SECONDS = 1.5  # at most
+LYING = 0.2  # m, of hip or head above the ground
+READ = ("q", "dq", "foot_force", "contact")
+UNKNOWN = ("V", "clf_slack", "rescue_slack", "barriers", "margins")  # of a tick that no controller decided
 
 
 class Walker:
@@ -57,7 +60,7 @@ class Walker:
         self._controller.reset(seed)
         self._state = self._simulation.reset(seed)
         self._output: ControllerOutput
-        self._kept: deque[Kept] = deque(maxlen=KEPT_TICKS)
+        self._kept: deque[Moment] = deque(maxlen=KEPT_TICKS)
         self._drawn: deque[Record] = deque(maxlen=KEPT_TICKS)
         self._pushed_until = 0
         self._fall: Iterator[PlantReading] | None = None
@@ -90,17 +93,11 @@ class Walker:
     def explain(self, tick: int) -> list[str]:
         """A tick in words; raises `ValueError` where it is not kept, or no solver answered it."""
         near = {kept.output.tick: kept for kept in self._kept if abs(kept.output.tick - tick) <= 1}
-        both = [near[k] for k in (tick - 1, tick) if k in near]
         if tick not in near:
             first, last = (self._kept[i].output.tick if self._kept else 0 for i in (0, -1))
             raise ValueError(f"tick {tick} of {self.name}: expected one from {first} to {last}, which are kept")
         programme, seconds = self._controller.qp, self._assembly.simulation.tick_seconds
-        explained = [
-            explain(programme, kept.scene.x, kept.scene.p, kept.estimates, kept.decided, measured_over(after))
-            for kept, after in ((kept, near.get(kept.output.tick + 1)) for kept in both)
-        ]
-        *before, now = zip(both, explained, strict=True)
-        return explained_tick(f"robot {self.name}", now, before[0] if before else None, tick_seconds=seconds).lines()
+        return explain_walk(f"robot {self.name}", programme, near, tick, near, seconds).lines()
 
     def close(self) -> None:
         """Give back the plant."""
@@ -163,8 +160,8 @@ class Walker:
             self.fault = self._output.fault
             controller = self._controller
             self._true = self._oracle.estimate(controller.scene, NONE).error(self._output.mu)
-            kept = controller.scene, controller.estimates, controller.decided
-            self._kept.append(Kept(self._state, self._output, *kept))
+            scene, decided = controller.scene, (controller.estimates, controller.decided)
+            self._kept.append(Moment(self._state, self._output, scene.x, scene.p, *decided))
         except (ControllerError, np.linalg.LinAlgError) as error:
             self.fault = f"controller error: {error}"
 
@@ -204,3 +201,13 @@ class Walker:
             return self._start.yours.controller, self._start.yours.policy
         parameters, policy = controller_of(self._start.controller, name, self._terrain)
         return parameters, resolve_policy(self.learned if name == "learned" else policy, parameters)
+
+
+def fall_limp(plant: Plant, top: float, tick_seconds: float = TICK_SECONDS) -> Iterator[PlantReading]:
+    """Each tick without torque, until hip or head lies on the ground, whose height is `top`, m."""
+    for _ in range(ticks_in(LIMP_SECONDS, tick_seconds)):
+        plant.advance(np.zeros(JOINTS))
+        reading = plant.observe()
+        yield reading
+        if not torso_points(reading.q[None])[0, :, 1].min() - top > LYING:
+            return
