@@ -28,11 +28,11 @@ def walk_on(controller: str) -> WalkRecords:
     return record_walk(Assembly(plant, parameters, "zero"), seed=1)
 
 
-@pytest.mark.parametrize(("controller", "count"), [("cbf-clf-qp", 7), ("clf-qp", 6)])
-def test_every_picture_opens(controller: str, count: int, tmp_path: Path) -> None:
+@pytest.mark.parametrize("controller", ["cbf-clf-qp", "clf-qp"])
+def test_every_picture_opens(controller: str, tmp_path: Path) -> None:
     save_records(walk_on(controller), tmp_path / RECORDS)
     pictures = draw_pictures(tmp_path)
-    assert len(pictures) == count
+    assert [picture.stem for picture in pictures] == ["walk", "swing_foot", "rows", "quantities"]
     for picture in pictures:
         assert imageio.imread(picture).std() > 1  # not blank
 

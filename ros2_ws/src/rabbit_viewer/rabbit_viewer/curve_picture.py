@@ -3,29 +3,23 @@
 import csv
 from pathlib import Path
 
-from matplotlib.ticker import MaxNLocator
+import numpy as np
 
-from rabbit_viewer import style
+from rabbit_viewer.panels import Panel, draw_panels
 
 CURVE, PICTURE = "curve.csv", "curve.png"
-PANELS = {"episode/": "steps", "reward/": "mean reward (1)", "losses/": "mean loss (1)"}
+PANELS = {"episode/steps": "steps", "reward/": "mean reward (1)", "losses/": "mean loss (1)"}
+LOSSES = {"value": "symlog", "linthresh": 1e-3}
 
 
 def draw_curve(folder: Path) -> Path:
     """Draw curve.png beside the curve.csv of a training's folder; raises `OSError`."""
     with (folder / CURVE).open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
-    episodes = [int(row["episode"]) + 1 for row in rows]
-    with style.look():
-        figure, axes = style.figure(len(PANELS), height=1.9)
-        for panel, (prefix, label) in zip(axes, PANELS.items(), strict=True):
-            names = ["episode/steps"] if prefix == "episode/" else [n for n in rows[0] if n.startswith(prefix)]
-            for name in names:
-                values = [float(row[name] or "nan") for row in rows]
-                panel.plot(episodes, values, ".-", label=name.removeprefix(prefix) if len(names) > 1 else "")
-            panel.set_ylabel(label)
-            style.legend(panel, 6)
-        axes[-1].set_yscale("symlog", linthresh=1e-3)
-        axes[-1].xaxis.set_major_locator(MaxNLocator(integer=True))
-        axes[-1].set_xlabel("episode")
-        return style.save(figure, folder / PICTURE)
+    panels = []
+    for prefix, title in PANELS.items():
+        names = [name for name in rows[0] if name.startswith(prefix)]
+        curves = {name.partition("/")[2]: np.array([float(row[name] or "nan") for row in rows]) for name in names}
+        panels.append(Panel(title, curves, **({"scale": LOSSES} if prefix == "losses/" else {})))
+    episodes = np.array([int(row["episode"]) + 1 for row in rows])
+    return draw_panels(panels, episodes, folder / PICTURE, xlabel="episode", line=".-")

@@ -1,38 +1,34 @@
 """Pictures of one walk: the robot, swing foot against stones, barriers, CLF, ground force, torques."""
 
-from itertools import cycle, pairwise
+from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from rabbit_description.force_ratio import force_ratio
-from rabbit_description.state import Array
-from rabbit_experiments.walk_records import RESCUE_NEEDED, WalkRecords
+from rabbit_description.state import ACTUATED, Array
+from rabbit_experiments.walk_records import WalkRecords
 
 from rabbit_viewer import style
 from rabbit_viewer.filmstrip import draw_walk
 from rabbit_viewer.geometry import legs_of
+from rabbit_viewer.panels import LOG, Panel, draw_panels
 
-IMPACT = 0.04  # s: a mean over a tick that begins within 30 ms of impact
+IMPACT = 0.03  # s, in which the ground's force is an impact's
 MILLIMETRES = 1e3  # in a metre
 FAR_OFF = 50.0  # mm from a stone, drawn no farther
-NAMES = ("hip, stance leg", "knee, stance leg", "hip, swing leg", "knee, swing leg")
-BARRIER_COLOURS = style.BLUE, style.ORANGE, style.GREEN, style.PURPLE
-BARRIER_LABELS = {"B1": "B1 (m): before the far edge", "B2": "B2 (m): past the near edge"}
+NEAR_ZERO = {"value": "symlog", "linthresh": 0.01}  # a scale that shows a barrier whole, and near zero
 
 
 def draw(walk: WalkRecords, out: Path, suffix: str = ".png") -> list[Path]:
-    """All pictures of a walk; returns their paths. CLF, barriers and quantities are drawn where there are some."""
-    pictures = [draw_walk, draw_swing_foot, draw_forces, draw_torques]
-    if np.isfinite(walk.V).any():
-        pictures.insert(2, draw_clf)
-    if np.isfinite(walk.barriers).any():
-        pictures.insert(2, draw_barriers)
-    if np.isfinite(walk.measured).any():
-        pictures.append(draw_quantities)
+    """All pictures of a walk; returns their paths. Quantities are drawn where some were measured."""
     with style.look():
-        return [picture(walk, out / f"{picture.__name__.removeprefix('draw_')}{suffix}") for picture in pictures]
+        robot = [draw_walk(walk, out / f"walk{suffix}"), draw_swing_foot(walk, out / f"swing_foot{suffix}")]
+    of = {"rows": panels(walk)} | ({"quantities": quantity_panels(walk)} if np.isfinite(walk.measured).any() else {})
+    title, xlabel = str(walk.about.get("title", "")), "time (s); grey: 30 ms after an impact"
+    look = title, xlabel, walk.step_starts[1:].tolist(), IMPACT
+    return robot + [draw_panels(shown, walk.time, out / f"{name}{suffix}", *look) for name, shown in of.items()]
 
 
 def draw_swing_foot(walk: WalkRecords, path: Path) -> Path:
@@ -47,94 +43,40 @@ def draw_swing_foot(walk: WalkRecords, path: Path) -> Path:
     length.set_ylabel("l_f (m)")
     height.set_ylabel("h_f (m)")
     style.legend(length)
-    return _finish(walk, figure, path)
+    figure.axes[-1].set(xlabel="time (s)", xlim=(0, 1.02 * _end(walk)))
+    figure.suptitle(str(walk.about.get("title", "")), fontsize=10)
+    return style.save(figure, path)
 
 
-def draw_barriers(walk: WalkRecords, path: Path) -> Path:
-    """All barriers; whole, and near zero."""
-    figure, panels = style.figure(2)
-    for axes, label in zip(panels, ("barrier B", "near zero"), strict=True):
-        for name, B, colour in zip(walk.barrier_names, walk.barriers.T, cycle(BARRIER_COLOURS)):
-            plot_steps(walk, axes, B, colour, BARRIER_LABELS.get(name, name))
-        style.limit(axes, 0.0, "limit")
-        axes.set_ylabel(label)
-    panels[1].set_ylim(-0.02, 0.06)
-    style.legend(panels[0])
-    return _finish(walk, figure, path)
+def panels(walk: WalkRecords) -> list[Panel]:
+    """What was decided, and the stance foot's force; nothing of what the controller does not have."""
+    about: Any = walk.about
+    limits = [about["torque_limit"] * sign for sign in (-1, 1)] if "torque_limit" in about else []
+    cone = [about["friction_coeff"]] if "friction_coeff" in about else []
+    found = [
+        Panel("barriers B", dict(zip(walk.barrier_names, walk.barriers.T, strict=True)), [0.0], NEAR_ZERO),
+        Panel("V", {"V": walk.V}, scale=LOG),
+        Panel("slacks", {"clf_slack": walk.clf_slack, "rescue_slack": walk.rescue_slack}),
+        Panel("friction |F_T|/F_N", {"ratio": force_ratio(walk.stance_force)}, cone),
+        Panel("ground force (N)", dict(zip(("F_T", "F_N"), walk.stance_force.T, strict=True))),
+        Panel("torques (N m)", dict(zip(ACTUATED, walk.torque.T, strict=True)), limits),
+    ]
+    return [panel for panel in found if any(np.isfinite(values).any() for values in panel.curves.values())]
 
 
-def draw_clf(walk: WalkRecords, path: Path) -> Path:
-    """V, and the slacks that were used, if any."""
-    slacks = (
-        (walk.clf_slack, 0.0, style.GREEN, "d, of the CLF row"),
-        (walk.rescue_slack, RESCUE_NEEDED, style.RED, "of last resort"),
-    )
-    used = [slack for slack in slacks if (slack[0] > slack[1]).any()]
-    figure, panels = style.figure(2 if used else 1)
-    plot_steps(walk, panels[0], walk.V, style.BLUE, "")
-    panels[0].set_ylabel("CLF V (rad²/s²)")
-    for values, least, colour, label in used:
-        needed = np.where(values > least, values, np.nan)
-        panels[1].plot(walk.time, needed, ".-", markersize=3, color=colour, label=label)
-        panels[1].set_ylabel("slack (rad/s²)")
-        style.legend(panels[1])
-    for axes in panels:
-        axes.set_yscale("log")
-    return _finish(walk, figure, path)
-
-
-def draw_forces(walk: WalkRecords, path: Path) -> Path:
-    """Friction ratio against the cone, and the stance foot's forces."""
-    tangential, normal = walk.stance_force.T
-    ratio = force_ratio(walk.stance_force)
-    figure, (cone, force) = style.figure(2)
-    for i, start in enumerate(walk.time[walk.step_starts[1:]] - walk.tick_seconds):
-        for axes in (cone, force):
-            label = None if i else "30 ms after impact"
-            axes.axvspan(start, start + IMPACT, color=style.AREA, linewidth=0, label=label)
-    cone.plot(walk.time, ratio, color=style.BLUE, label="|F_T| / F_N")
-    style.limit(cone, float(walk.about.get("friction_coeff", 0.8)), "friction cone")
-    cone.set_ylim(0, max(1.0, float(np.nanmax(ratio, initial=0))) * 1.05)
-    cone.set_ylabel("force ratio (1)")
-    force.plot(walk.time, normal, color=style.BLACK, label="F_N")
-    force.plot(walk.time, tangential, color=style.ORANGE, label="F_T")
-    force.set_ylabel("ground force (N)")
-    style.legend(cone)
-    style.legend(force)
-    return _finish(walk, figure, path)
-
-
-def draw_torques(walk: WalkRecords, path: Path) -> Path:
-    """The four joint torques, by what their leg does, and their limit."""
-    figure, panels = style.figure(2)
-    torque = np.where(walk.stance[:, None] == 1, walk.torque[:, [2, 3, 0, 1]], walk.torque)
-    limit = float(walk.about.get("torque_limit", 200.0))
-    for axes, columns in zip(panels, ((0, 1), (2, 3)), strict=True):
-        for column, colour in zip(columns, (style.BLUE, style.ORANGE), strict=True):
-            axes.step(walk.time, torque[:, column], where="post", color=colour, label=NAMES[column])
-        style.limit(axes, limit, "limit")
-        axes.axhline(-limit, color=style.RED, linestyle="--", linewidth=1)
-        axes.set_ylabel("torque (N m)")
-        style.legend(axes)
-    return _finish(walk, figure, path)
-
-
-def draw_quantities(walk: WalkRecords, path: Path) -> Path:
+def quantity_panels(walk: WalkRecords) -> list[Panel]:
     """Each quantity over a tick: measured, by the nominal model, and with the estimates."""
     names = walk.about.get("quantities", [f"quantity {i + 1}" for i in range(walk.nominal_b.shape[1])])
-    figure, panels = style.figure(len(names), height=1.8)
     nominal = np.einsum("tij,tj->ti", walk.nominal_a, walk.mu) + walk.nominal_b
     estimated = nominal + np.einsum("tij,tj->ti", walk.alpha, walk.mu) + walk.beta
     measured = np.vstack([walk.measured[1:], np.full_like(walk.measured[:1], np.nan)])  # published a tick later
-    for i, (axes, name) in enumerate(zip(panels, names, strict=True)):
-        axes.plot(walk.time, measured[:, i], ".", markersize=3, color=style.BLACK, label="measured")
-        plot_steps(walk, axes, nominal[:, i], style.ORANGE, "nominal model")
-        plot_steps(walk, axes, estimated[:, i], style.BLUE, "with the estimates")
+    found = []
+    for i, name in enumerate(names):
+        curves = {"measured": measured[:, i], "nominal model": nominal[:, i], "with the estimates": estimated[:, i]}
         low, high = np.nanpercentile(np.concatenate([measured[:, i], estimated[:, i]]), (1, 99))
-        axes.set_ylim(low - 0.3 * (high - low), high + 0.3 * (high - low))
-        axes.set_ylabel(name)
-    style.legend(panels[0])
-    return _finish(walk, figure, path)
+        room = 0.3 * (high - low)
+        found.append(Panel(name, curves, ends=(low - room, high + room)))
+    return found
 
 
 def swing_foot(walk: WalkRecords) -> Array:
@@ -178,9 +120,3 @@ def _end(walk: WalkRecords) -> float:
     """Seconds to be shown."""
     landed: float = walk.landings[:, 1].max(initial=0) * walk.tick_seconds
     return max(float(walk.time[-1]), landed, walk.tick_seconds)
-
-
-def _finish(walk: WalkRecords, figure: Figure, path: Path) -> Path:
-    figure.axes[-1].set(xlabel="time (s)", xlim=(0, 1.02 * _end(walk)))
-    figure.suptitle(str(walk.about.get("title", "")), fontsize=10)
-    return style.save(figure, path)

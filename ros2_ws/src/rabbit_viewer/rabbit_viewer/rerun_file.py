@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 from rabbit_description.bounded_file import exists
-from rabbit_description.force_ratio import force_ratio
-from rabbit_description.state import ACTUATED, Array
+from rabbit_description.state import Array
 from rabbit_experiments.walk_records import RECORDING, RECORDS, WalkRecords
 from rabbit_recording import RecordingError
 from rabbit_recording.explaining import explain_tick
 
 from rabbit_viewer.geometry import DEPTH, force_arrow, legs_of, stone_spans, torso_points
+from rabbit_viewer.pictures import panels
 from rabbit_viewer.walk_pictures import place_of, records_of
 
 BLUE, ORANGE, GREEN, PURPLE, RED, GREY = 0x0072B2FF, 0xE69F00FF, 0x009E73FF, 0xCC79A7FF, 0xD55E00FF, 0x8C8C8CFF
@@ -43,8 +43,8 @@ def write_rerun(source: Path, out: Path | None = None, episode: int | None = Non
     except ImportError as error:
         raise RerunError("rerun-sdk is not installed: pip install 'rabbit_viewer[rerun]'") from error
     walk, path = records_of(source, episode), out or place_of(source, "walk.rrd", ".rrd")
-    names = {name: f"/{name.split()[0]}" for name, *_ in plots(walk)}
-    views = [blueprint.TimeSeriesView(origin=origin, name=name) for name, origin in names.items()]
+    plotted = {f"/{panel.title.split()[0]}": panel for panel in panels(walk)}
+    views = [blueprint.TimeSeriesView(origin=origin, name=panel.title) for origin, panel in plotted.items()]
     bounds = blueprint.VisualBounds2D(x_range=(-1.2, 1.2), y_range=(-1.6, 0.3))
     side = blueprint.Spatial2DView(origin=SIDE, name=str(walk.about.get("title", "")), visual_bounds=bounds)
     left = blueprint.Vertical(side, blueprint.TextDocumentView(origin=WHY, name=WHY), row_shares=[3, 2])
@@ -56,13 +56,13 @@ def write_rerun(source: Path, out: Path | None = None, episode: int | None = Non
             for name, lines in shapes.items():
                 look = {"radii": RADII.get(name, 0.004), "colors": COLOURS[name]}
                 file.log(f"{SIDE}/{name}", rr.LineStrips2D(lines, **look))
-        for (_, curves, limits), origin in zip(plots(walk), names.values(), strict=True):
-            for i, (name, values) in enumerate(curves.items()):
+        for origin, panel in plotted.items():
+            for i, (name, values) in enumerate(panel.curves.items()):
                 colour = (BLUE, ORANGE, GREEN, PURPLE)[i % 4]
                 file.log(f"{origin}/{name}", rr.SeriesLines(colors=colour, names=name), static=True)
                 column = rr.TimeColumn(CLOCK, duration=walk.time)
                 file.send_columns(f"{origin}/{name}", [column], rr.Scalars.columns(scalars=values))
-            for i, limit in enumerate(limits):
+            for i, limit in enumerate(panel.limits):
                 ends = rr.TimeColumn(CLOCK, duration=walk.time[[0, -1]])
                 file.log(f"{origin}/{LIMIT}{i}", rr.SeriesLines(colors=RED, names=LIMIT), static=True)
                 file.send_columns(f"{origin}/{LIMIT}{i}", [ends], rr.Scalars.columns(scalars=[limit, limit]))
@@ -91,20 +91,6 @@ def scenes(walk: WalkRecords) -> Iterator[dict[str, list[Array]]]:
 
 def _corners(near: float, far: float) -> list[tuple[float, int]]:
     return [(near, 1), (near, 0), (far, 0), (far, 1)]
-
-
-def plots(walk: WalkRecords) -> list[tuple[str, dict[str, Array], list[float]]]:
-    """What is plotted together: a title, curves (n,) by name, limits."""
-    about: Any = walk.about
-    limits = [about["torque_limit"] * sign for sign in (-1, 1)] if "torque_limit" in about else []
-    cone = [about["friction_coeff"]] if "friction_coeff" in about else []
-    return [
-        ("barriers B", dict(zip(walk.barrier_names, walk.barriers.T, strict=True)), [0.0]),
-        ("torques (N m)", dict(zip(ACTUATED, walk.torque.T, strict=True)), limits),
-        ("friction |F_T|/F_N", {"ratio": force_ratio(walk.stance_force)}, cone),
-        ("slacks", {"clf_slack": walk.clf_slack, "rescue_slack": walk.rescue_slack}, []),
-        ("V", {"V": walk.V}, []),
-    ]
 
 
 def explanation(source: Path, episode: int | None) -> str:

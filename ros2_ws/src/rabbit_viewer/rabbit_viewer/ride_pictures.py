@@ -15,9 +15,9 @@ from rl_trainer.task_episode import Ride
 
 from rabbit_viewer import style
 from rabbit_viewer.page.ride import RideRows, pictured
+from rabbit_viewer.panels import COLOURS, LOG, Panel, draw_panels
 from rabbit_viewer.video import FRAME_RATE, encode
 
-COLOURS = (style.BLUE, style.ORANGE, style.GREEN, style.PURPLE, style.SKY)
 FILM_INCHES, FILM_DPI, FILM_SECONDS = 6.4, 100, 12.0
 ROOM = 0.1  # around what is drawn, of its size
 
@@ -51,22 +51,15 @@ def draw_ride(ride: Ride, folder: Path, form: str = "png") -> list[Path]:
 def draw_rows(ride: Ride, path: Path) -> Path:
     """The page's panels over time, but for those of one row of the QP."""
     maker = RideRows(ride.task)
-    panels = [panel for panel in maker.panels(ride.has_qp) if panel["columns"] and "of" not in panel]
     table = np.array([maker.row(k, moment) for k, moment in enumerate(ride.moments)])
-    time, values = [moment.output.step_time for moment in ride.moments], dict(zip(maker.columns, table.T, strict=True))
-    with style.look():
-        figure, places = style.figure(len(panels), height=1.9)
-        for panel, axes in zip(panels, places, strict=True):
-            for i, name in enumerate(panel["columns"]):
-                label = re.sub("^(u|x|slack)_", "", name)
-                axes.plot(time, values[name], color=COLOURS[i % len(COLOURS)], label=label)
-            for i, limit in enumerate(panel.get("limits", ())):
-                style.limit(axes, limit, "" if i else "limit")
-            axes.set_ylabel(panel["title"])
-            style.legend(axes, 5)
-        places[-1].set_xlabel("time (s)")
-        figure.suptitle(ride.title)
-        return style.save(figure, path)
+    values = dict(zip(maker.columns, table.T, strict=True))
+    panels = []
+    for panel in maker.panels(ride.has_qp):
+        if panel["columns"] and "of" not in panel:
+            curves = {re.sub("^(u|x|slack)_", "", name): values[name] for name in panel["columns"]}
+            scale = {"scale": LOG} if panel.get("log") else {}
+            panels.append(Panel(panel["title"], curves, panel.get("limits", ()), **scale))
+    return draw_panels(panels, np.array([moment.output.step_time for moment in ride.moments]), path, ride.title)
 
 
 def film(ride: Ride, path: Path) -> list[Path]:
