@@ -7,7 +7,6 @@ which is imported only here.
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from rabbit_description.bounded_file import exists
