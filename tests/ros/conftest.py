@@ -37,6 +37,7 @@ class World:
         self._heard: dict[str, list[Any]] = {}
         self._nodes: list[str] = []
         self.hear("diagnostics")
+        self.hear("episode")
 
     def start(self, name: str, arguments: tuple[str, ...] = (), **parameters: Any) -> None:
         """Start a node under these parameters, and further ROS arguments.
@@ -59,15 +60,24 @@ class World:
         told = ("--ros-args", "-r", f"__ns:=/{self.namespace}", *words)
         self.processes.start(node, told, executable or node, package)
 
-    def ended(self, number: int = 0) -> Any:
-        """The announcement of an episode's end, of any or of this number, once it is there."""
+    def ends(self, number: int = 0) -> list[Any]:
+        """The announcements of episodes' ends that were heard, of all or of this number."""
         from rabbit_msgs.msg import Episode
 
-        def those() -> list[Any]:
-            return [e for e in self.hear("episode") if e.phase == Episode.ENDED and number in (0, e.episode)]
+        return [e for e in self.hear("episode") if e.phase == Episode.ENDED and number in (0, e.episode)]
 
-        self.wait(lambda: bool(those()))
-        return those()[-1]
+    def ended(self, number: int = 0) -> Any:
+        """The newest of them, once it is there."""
+        self.wait(lambda: bool(self.ends(number)))
+        return self.ends(number)[-1]
+
+    def statuses(self, node: str) -> list[Any]:
+        """What a node has said of itself."""
+        return [s for m in self.hear("diagnostics") for s in m.status if s.name.endswith(f"/{node}")]
+
+    def log(self, name: str) -> str:
+        """What a node has logged so far."""
+        return (self.folder / "log" / f"{name}.log").read_text(encoding="utf-8")
 
     def hear(self, name: str) -> list[Any]:
         """All messages of a topic from now on, and those that are latched; as a recorder, with a deep queue."""

@@ -126,7 +126,6 @@ def faults(world: Any) -> list[str]:
 
 @pytest.mark.timeout(3600)
 def test_the_graph_of_a_walk(world: Any) -> None:
-    episodes = world.hear("episode")
     controller = {"controller": "rl-cbf-clf-qp"}
     world.start("simulator", sensors="lab", episodes=0, **SHORT)
     world.start("estimator")
@@ -143,8 +142,7 @@ def test_the_graph_of_a_walk(world: Any) -> None:
     stranger.ask("pause", data=False)
     walked = stranger.ask("reset_episode", seed=1)
     assert walked.success
-    world.wait(lambda: any(e.episode == walked.episode and e.phase == Episode.ENDED for e in episodes))
-    (end,) = [e for e in episodes if e.episode == walked.episode and e.phase == Episode.ENDED]
+    end = world.ended(walked.episode)
     assert (end.outcome, end.reason) == ("walked", "")
     assert faults(world) == []
 

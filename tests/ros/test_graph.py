@@ -3,7 +3,6 @@
 import itertools
 import math
 import resource
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -21,12 +20,7 @@ from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
 from std_srvs.srv import SetBool
 
-SHORT = {"motor_lag": 0.004, "stones": 3}
-
-
-def ended(episodes: list[Episode], number: int = 1) -> Callable[[], bool]:
-    """Whether episode `number` is over."""
-    return lambda: any(e.episode >= number and e.phase == Episode.ENDED for e in episodes)
+from .conftest import SHORT
 
 
 def torques(world: Any, messages: list[TorqueCommand], ended: Episode) -> Any:
@@ -48,7 +42,7 @@ def test_nodes_start_in_any_order(world: Any, order: tuple[str, ...]) -> None:
         world.start(name, **told[name])
         world.spin(0.3)
     world.go()
-    world.wait(ended(episodes))
+    world.ended()
     assert episodes[-1].outcome == "walked"
     world.wait(lambda: len(transitions) == episodes[-1].tick)
 
@@ -66,11 +60,11 @@ def test_pause_holds_between_two_ticks_and_changes_nothing(world: Any) -> None:
     world.spin(0.5)
     assert len(states) == held
     world.ask(SetBool, "pause", data=False)
-    world.wait(ended(episodes))
+    world.ended()
     first = torques(world, commands, episodes[-1])
     commands.clear()
     assert world.ask(ResetEpisode, "reset_episode", seed=3).episode == 2
-    world.wait(ended(episodes, 2))
+    world.ended(2)
     np.testing.assert_array_equal(torques(world, commands, episodes[-1]), first)
 
 
@@ -83,7 +77,7 @@ def test_reset_ends_the_running_episode(world: Any) -> None:
     assert world.ask(ResetEpisode, "reset_episode", seed=3).success
     assert world.ask(ResetEpisode, "reset_episode", seed=4).success
     world.wait(lambda: episodes[-1].episode == 2)
-    assert [e.outcome for e in episodes if e.phase == Episode.ENDED] == ["reset"]
+    assert [e.outcome for e in world.ends()] == ["reset"]
     assert (episodes[-1].seed, episodes[-1].phase) == (4, Episode.RUNNING)
 
 
@@ -106,7 +100,7 @@ def test_wrong_messages_are_refused_counted_and_told(world: Any) -> None:
     assert any("refused" in m.status[0].message for m in diagnostics)
     world.say("torque", TorqueCommand(episode=1, tick=0, torque=[0.0] * 4))
     world.wait(lambda: states[-1].tick == 1)
-    world.wait(ended(episodes))
+    world.ended()
     assert episodes[-1].outcome == "silent"
     assert "tick 1" in episodes[-1].reason
 
@@ -137,10 +131,10 @@ def test_a_dead_controller_ends_the_episode_and_a_new_one_walks(world: Any) -> N
     world.go()
     world.wait(lambda: len(states) > 20)
     world.processes.kill(("controller",))
-    world.wait(ended(episodes))
+    world.ended()
     assert episodes[-1].outcome == "silent"
     world.start("controller")
-    world.wait(ended(episodes, 2))
+    world.ended(2)
     assert episodes[-1].outcome == "walked"
 
 
@@ -181,7 +175,7 @@ def test_gains_change_in_the_middle_of_a_walk(world: Any) -> None:
     refused = set_gains(eps=0.1, kp=2.0)
     assert not refused.successful
     assert "kp" in refused.reason
-    world.wait(ended(heard["episode"]))
+    world.ended()
     all_tuning = [
         (said.tick, ControllerParameters.model_validate_json(said.parameters)) for said in heard["controller_settings"]
     ]
@@ -213,6 +207,6 @@ def test_parameters_that_cannot_be_used_end_a_node_with_one_line(
 ) -> None:
     world.start(node, **parameters)
     assert world.processes.wait(node, 60.0) == 2
-    (line,) = (world.folder / "log" / f"{node}.log").read_text().splitlines()
+    (line,) = world.log(node).splitlines()
     assert line.startswith("error: ")
     assert said in line

@@ -42,11 +42,11 @@ def hear(world: Any, kind: Any, name: str, qos: Any = TICK) -> list[Any]:
 
 def play(world: Any, name: str, episodes: int = 1, **of_controller: Any) -> list[Any]:
     """Start both nodes; the torques."""
-    torques, said = hear(world, msg.TorqueCommand, "torque"), world.hear("diagnostics")
+    torques = hear(world, msg.TorqueCommand, "torque")
     hear(world, msg.TaskParameters, "parameters")
     states = hear(world, msg.RobotState, "state")
     world.start_task("controller", path_of(name), **of_controller)
-    world.wait(lambda: any(s.name.endswith("/controller") for m in said for s in m.status))
+    world.wait(lambda: bool(world.statuses("controller")))
     world.start_task("simulator", path_of(name), seed=SEED, episodes=episodes, readers=2, answer_timeout=60.0)
     world.wait(lambda: bool(states))
     return torques

@@ -61,11 +61,6 @@ def weights(file: PolicyFile) -> PolicyWeights:
     return PolicyWeights(version=file.version, source="test", data=file.encode())
 
 
-def over(episodes: list[Episode], number: int = 1) -> bool:
-    """Whether episode `number` has ended."""
-    return any(e.episode >= number and e.phase == Episode.ENDED for e in episodes)
-
-
 def tampered(file: PolicyFile, bias: NDArray[np.float32]) -> bytes:
     """A policy file in which one array is replaced and the header says nothing of it."""
     head = {"content_hash": file.content_hash, "metadata": file.metadata.model_dump(mode="json")}
@@ -81,7 +76,7 @@ def test_a_hundred_swaps_in_one_walk(world: Any) -> None:
     world.say("policy", weights(near_shipped(0)))
     world.go()
     loaded: set[str] = set()
-    for sent in itertools.takewhile(lambda _: not over(episodes), itertools.count(1)):
+    for sent in itertools.takewhile(lambda _: not world.ends(), itertools.count(1)):
         file = near_shipped(sent)
         if sent % 10:
             world.say("policy", weights(file))
@@ -109,7 +104,7 @@ def test_a_hundred_swaps_in_one_walk(world: Any) -> None:
 
 
 def test_bad_policies_are_refused_with_a_reason_and_the_old_one_goes_on(world: Any, tmp_path: Path) -> None:
-    commands, swaps, episodes = world.hear("torque"), world.hear("policy_swap"), world.hear("episode")
+    commands, swaps = world.hear("torque"), world.hear("policy_swap")
     good = policy(1)
     other, long, nan = (np.full(n, value, dtype=np.float32) for n, value in ((8, 0.3), (9, 1.0), (8, np.nan)))
     bad = {
@@ -136,21 +131,21 @@ def test_bad_policies_are_refused_with_a_reason_and_the_old_one_goes_on(world: A
         assert (answer.success, reason in answer.message) == (False, True), answer.message
     world.wait(lambda: len(swaps) == 1 + len(messages) + len(bad))
     world.wait(lambda: commands[-1].tick > swaps[-1].tick + 10)
-    assert not over(episodes)
+    assert not world.ends()
     assert [swap.version for swap in swaps if swap.accepted] == [good.version]
     assert {command.policy_version for command in commands} == {good.version}
 
 
 @pytest.mark.parametrize("swap_at", ["tick", "episode"])
 def test_when_policies_take_effect(world: Any, tmp_path: Path, swap_at: str) -> None:
-    commands, episodes = world.hear("torque"), world.hear("episode")
+    commands = world.hear("torque")
     world.start("simulator", pace=2.0, episodes=0, **PLANT)
     world.start("controller", swap_at=swap_at, **PARAMETERS.model_dump())
     world.go()
     assert world.ask(ResetEpisode, "reset_episode", seed=1).success
     world.wait(lambda: len(commands) > 10)
     world.say("policy", weights(policy(1)))
-    world.wait(lambda: over(episodes))
+    world.ended()
     first, published = {command.policy_version for command in commands}, policy(1).version
     assert first == ({"zero", published} if swap_at == "tick" else {"zero"})
     assert world.ask(ResetEpisode, "reset_episode", seed=1).success
@@ -161,7 +156,7 @@ def test_when_policies_take_effect(world: Any, tmp_path: Path, swap_at: str) -> 
     assert (answer.success, answer.version) == (True, policy(2).version)
     world.wait(lambda: commands[-1].policy_version == answer.version)
     assert commands[-1].episode == 2
-    log = (world.folder / "log" / "controller.log").read_text(encoding="utf-8")
+    log = world.log("controller")
     assert f"policy {answer.version} of {tmp_path}/two.safetensors in force from tick " in log
 
 
@@ -181,7 +176,7 @@ def test_an_unfit_policy_ends_the_episode_that_names_it(world: Any) -> None:
         world.say("policy", PolicyWeights(version=UNFIT.version, data=[1, 2, 3]))
     world.wait(lambda: len(swaps) == 6)
     world.go()
-    world.wait(lambda: over(episodes))
+    world.ended()
     assert episodes[-1].outcome == "fault"
     assert episodes[-1].reason.startswith(f"policy {UNFIT.version} was refused: policy: it was trained for")
 
@@ -200,7 +195,7 @@ def test_a_planned_policy_is_waited_for_whatever_others_publish_under_its_name(w
     world.say("policy", PolicyWeights(version="x", data=real.encode()))  # its bytes, misnamed: no word on it
     world.wait(lambda: len(swaps) == 5)
     world.say("policy", weights(real))
-    world.wait(lambda: over(episodes))
+    world.ended()
     assert episodes[-1].outcome == "walked"
     assert {command.policy_version for command in commands} == {real.version}
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from rabbit_common.priority import NICE
-from rabbit_msgs.msg import Episode, Timing, TorqueCommand
+from rabbit_msgs.msg import Timing, TorqueCommand
 from std_srvs.srv import SetBool
 
 PACE, HELD, DAMPED, DAMPING = 0.1, 2, 10, 10.0
@@ -18,15 +18,13 @@ SLOW: dict[str, Any] = {"real_time": True, "pace": PACE, "damping": DAMPING, "da
 
 
 def test_a_killed_controller_is_held_for_two_ticks_then_damped_then_it_ends(world: Any) -> None:
-    states, timings, episodes = world.hear("state"), world.hear("timing"), world.hear("episode")
-    torques = world.hear("torque")
+    states, timings, torques = (world.hear(topic) for topic in ("state", "timing", "torque"))
     world.start("simulator", **SLOW)
     world.start("controller")
     world.go()
     world.wait(lambda: len(timings) >= 5)
     world.processes.kill(["controller"])
-    world.wait(lambda: any(e.phase == Episode.ENDED for e in episodes))
-    (ended,) = [e for e in episodes if e.phase == Episode.ENDED]
+    ended = world.ended()
     world.wait(lambda: states[-1].tick == ended.tick and len(timings) == ended.tick)
 
     sources = [t.source for t in timings]

@@ -10,7 +10,6 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from rabbit_bringup.launching.walk import WalkOptions, WalkSettings
 from rabbit_bringup.ros.walk_monitor import walk_through
-from rabbit_msgs.msg import Episode
 from rabbit_recording.checking import check_episodes
 from rabbit_recording.episode_inventory import Presence
 from rabbit_recording.open_recording import opened
@@ -25,25 +24,9 @@ from std_srvs.srv import SetBool
 PLANT, PARAMETERS = {"motor_lag": 0.004, "stones": 4}, ControllerParameters()
 
 
-def begin(world: Any) -> tuple[list[Any], list[Any]]:
-    """A recorded walk in lock-step, no faster than real time; what is heard of states and episodes."""
-    heard = world.hear("state"), world.hear("episode")
-    world.start("simulator", pace=1.0, **PLANT)
-    world.start("controller")
-    world.start("recorder", path=str(world.folder / "recording"))
-    world.go()
-    return heard
-
-
-def walk_on(world: Any, episodes: list[Any]) -> None:
-    """To the end."""
-    world.wait(lambda: any(e.phase == Episode.ENDED for e in episodes))
-    assert episodes[-1].outcome == "walked"
-
-
 def test_a_recorder_begun_in_the_middle_tells_recorded_from_announced(world: Any) -> None:
     """The simulator holds while the recorder comes up in the middle of an episode, so that nothing is lost."""
-    states, episodes = world.hear("state"), world.hear("episode")
+    states = world.hear("state")
     world.start("simulator", pace=1.0, **{**PLANT, "stones": 2, "episodes": 1000})
     world.start("controller")
     world.go()
@@ -60,7 +43,7 @@ def test_a_recorder_begun_in_the_middle_tells_recorded_from_announced(world: Any
     assert [each.number for each in accounts if each.presence is Presence.ANNOUNCED] == list(range(1, begun))
     assert [each.number for each in there] == list(range(begun, there[-1].number + 1))
     assert [(each.begins, each.ends) for each in (there[0], there[1])] == [(False, True), (True, True)]
-    ends = {each.episode: each.tick for each in episodes if each.phase == Episode.ENDED}
+    ends = {each.episode: each.tick for each in world.ends()}
     for each in there:
         assert each.lost == 0
         assert each.recorded == each.last - each.first + 1
@@ -73,11 +56,7 @@ def test_further_topics_are_recorded_where_they_are_asked_for(world: Any) -> Non
     """Standard ones, one of a stranger, and one that nobody publishes; the ticks stay whole."""
     from std_msgs.msg import String
 
-    episodes, path, words = (
-        world.hear("episode"),
-        world.folder / "recording",
-        world.node.create_publisher(String, "words", 10),
-    )
+    path, words = world.folder / "recording", world.node.create_publisher(String, "words", 10)
     asked = ["left_foot/wrench", "right_foot/wrench", "tf", "words", "nothing", "torque"]
     world.start("simulator", **{**PLANT, "stones": 1})
     world.start("controller")
@@ -87,9 +66,8 @@ def test_further_topics_are_recorded_where_they_are_asked_for(world: Any) -> Non
     world.spin(1.0)
     words.publish(String(data="before the walk"))
     assert world.ask(SetBool, "pause", data=False).success
-    world.wait(lambda: bool(episodes) and episodes[-1].phase == Episode.ENDED)
-    said = [s.message for m in world.hear("diagnostics") for s in m.status if s.name.endswith("/recorder")]
-    assert any("nothing" in each for each in said)
+    world.ended()
+    assert any("nothing" in said.message for said in world.statuses("recorder"))
     world.processes.stop()
     (checked,) = check_episodes(path)
     assert (checked.episode.lost, checked.differing) == (0, [])
@@ -105,15 +83,19 @@ def test_further_topics_are_recorded_where_they_are_asked_for(world: Any) -> Non
 
 
 def test_a_full_disk_stops_the_recording_not_the_walk(world: Any) -> None:
-    states, episodes = begin(world)
+    states = world.hear("state")
+    world.start("simulator", pace=1.0, **PLANT)
+    world.start("controller")
+    world.start("recorder", path=str(world.folder / "recording"))
+    world.go()
     world.wait(lambda: len(states) > 80)
     full = (world.folder / "recording" / "recording.mcap").stat().st_size
     resource.prlimit(world.processes.pid("recorder"), resource.RLIMIT_FSIZE, (full, full))
-    walk_on(world, episodes)
-    said = [s for m in world.hear("diagnostics") for s in m.status if s.name.endswith("/recorder")]
+    assert world.ended().outcome == "walked"
+    said = world.statuses("recorder")
     assert any(s.level == DiagnosticStatus.ERROR and "recording stopped" in s.message for s in said)
     world.processes.stop()
-    assert (world.folder / "log" / "recorder.log").read_text().count("recording stopped") == 1
+    assert world.log("recorder").count("recording stopped") == 1
     assert len(read_episodes(recover(world.folder / "recording").path)[1].records) > 1
 
 

@@ -23,31 +23,19 @@ PARAMETERS = {
 }
 
 
-def begin(world: Any, **simulator: Any) -> tuple[list[Any], list[Any]]:
-    """A graph that walks; returns states and episodes."""
-    heard = world.hear("state"), world.hear("episode")
-    world.start("simulator", **{**PLANT, **simulator})
+def test_an_estimator_that_comes_in_the_middle_says_so_and_the_next_episode_walks(world: Any) -> None:
+    states = world.hear("state")
+    world.start("simulator", **PLANT, episodes=2, answer_timeout=120.0, pace=1.0)
     world.start("estimator")
     world.start("controller", **PARAMETERS)
     world.go()
-    return heard
-
-
-def ended(episodes: list[Episode], number: int) -> list[Episode]:
-    """The announcement of an episode's end, once it is there."""
-    return [each for each in episodes if (each.episode, each.phase) == (number, Episode.ENDED)]
-
-
-def test_an_estimator_that_comes_in_the_middle_says_so_and_the_next_episode_walks(world: Any) -> None:
-    states, episodes = begin(world, episodes=2, answer_timeout=120.0, pace=1.0)
     world.wait(lambda: bool(states) and states[-1].tick > 20)
     world.processes.kill(("estimator",))
     world.start("estimator")
-    world.wait(lambda: bool(ended(episodes, 2)))
-    (first,), (second,) = ended(episodes, 1), ended(episodes, 2)
+    second, (first,) = world.ended(2), world.ends(1)
     assert (first.outcome, second.outcome) == ("fault", "walked")
     assert first.reason == f"the state of tick {first.tick} is not known: see the estimator's log"
-    said = (world.folder / "log" / "estimator.log").read_text()
+    said = world.log("estimator")
     assert f"the estimator came in at tick {first.tick}, in the middle of the episode" in said
     (unknown,) = {m.tick for m in states if m.episode == 1 and np.isnan(m.q).all()}
     assert unknown == first.tick
@@ -79,15 +67,15 @@ STOPS, SECONDS = 12, 2.0
 @pytest.mark.timeout(900)
 def test_a_recorder_that_was_stopped_catches_up_each_time(make_world: Any) -> None:
     world = make_world("stopped")
-    states, diagnostics = world.hear("state"), world.hear("diagnostics")
+    states = world.hear("state")
     world.start("simulator", **SHORT, episodes=10_000, pace=0.5)
     world.start("controller")
     world.start("recorder", path=str(world.folder / "recording"))
     world.go()
 
     def recorded() -> tuple[int, int]:
-        said = [s for m in diagnostics for s in m.status if s.name.endswith("/recorder")]
-        episode, tick = next(v.value for v in said[-1].values if v.key == "episode, tick").split()
+        said = world.statuses("recorder")[-1]
+        episode, tick = next(v.value for v in said.values if v.key == "episode, tick").split()
         return int(episode), int(tick)
 
     for _ in range(STOPS):
@@ -110,8 +98,7 @@ def test_the_broken_episode_ends_under_the_seed_noise_and_policy_it_began_with(m
     world.wait(lambda: bool(states) and states[-1].touchdowns >= 1)
     world.processes.kill(("simulator",))
     world.start("simulator", **own)
-    world.wait(lambda: announced[-1].phase == Episode.ENDED)
-    ended = announced[-1]
+    ended = world.ended()
     assert (ended.episode, ended.outcome, ended.touchdowns) == (1, "reset", states[-1].touchdowns)
     assert (ended.seed, ended.sigma, ended.policy_version) == (77, 0.25, "zero")
     assert world.ask(SetBool, "pause", data=False).success

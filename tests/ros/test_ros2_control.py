@@ -59,9 +59,8 @@ def start(world: Any) -> Iterator[Start]:
         )
         processes.append(robot)
         world.start("controller", controller="cbf-clf-qp", objective="pd_centred", gait=GAIT)
-        said = world.hear("diagnostics")
-        world.wait(lambda: any(s.name.endswith("/controller") and s.level == s.OK for m in said for s in m.status))
-        world.wait(lambda: any(s.name.endswith("/command_guard") and s.level == s.OK for m in said for s in m.status))
+        for node in ("controller", "command_guard"):
+            world.wait(lambda node=node: any(said.level == said.OK for said in world.statuses(node)))
         world.wait(lambda: world.ask(SetBool, "pause", data=False).success)
         return robot
 
@@ -73,8 +72,7 @@ def start(world: Any) -> Iterator[Start]:
 
 def test_the_robot_walks_through_standard_topics_alone(world: Any, start: Start, tmp_path: Path) -> None:
     world.start("recorder", path=str(tmp_path / "recording"))
-    said = world.hear("diagnostics")
-    world.wait(lambda: any(status.name.endswith("/recorder") for m in said for status in m.status))
+    world.wait(lambda: bool(world.statuses("recorder")))
     robot = start(20)
     end = world.ended()
     assert (end.outcome, end.touchdowns) == ("walked", 20)

@@ -110,5 +110,5 @@ def test_a_trainer_whose_learning_diverges_ends_at_once(world: Any) -> None:
     with pytest.raises(NodeEnded, match=r"the trainer ended.*the learning diverged.*smaller learning rates") as ended:
         world.wait(lambda: False)
     assert ended.value.code == ExitCode.NODE_DIED
-    assert "Traceback" not in (world.folder / "log" / "trainer.log").read_text(encoding="utf-8")
+    assert "Traceback" not in world.log("trainer")
     world.processes.stop(("trainer",))

@@ -25,7 +25,7 @@ def start_other(world: Any) -> None:
     world.ask(SetBool, "pause", data=True)
     world.processes.start("other", ("--ros-args", "-r", f"__ns:=/{world.namespace}", *OTHER), kind="controller")
     world.wait(lambda: "other" in world.node.get_node_names())
-    world.wait(lambda: any(s.name.endswith("/other") for m in world.hear("diagnostics") for s in m.status))
+    world.wait(lambda: bool(world.statuses("other")))
     world.spin(0.5)
     world.ask(SetBool, "pause", data=False)
 
@@ -132,18 +132,12 @@ def start_second(world: Any, name: str = "second", kind: str = "simulator", pack
     """Another one comes; its service is `second_pause`."""
     space = ("--ros-args", "-r", f"__ns:=/{world.namespace}", "-r", "pause:=second_pause")
     world.processes.start(name, space, kind, package)
-    world.wait(lambda: "another simulator plays" in log_of(world, name))
+    world.wait(lambda: "another simulator plays" in world.log(name))
 
 
 def refusals(world: Any, node: str) -> list[str]:
     """What a node says that it refused."""
-    statuses = [s for m in world.hear("diagnostics") for s in m.status if s.name.endswith(f"/{node}")]
-    return [value.key for status in statuses for value in status.values if value.key.startswith("refused")]
-
-
-def log_of(world: Any, name: str) -> str:
-    """Its log so far."""
-    return (world.folder / "log" / f"{name}.log").read_text()
+    return [v.key for status in world.statuses(node) for v in status.values if v.key.startswith("refused")]
 
 
 def test_the_first_one_walks_on_and_the_second_one_plays_nothing(make_world: Any) -> None:
@@ -159,18 +153,16 @@ def test_the_first_one_walks_on_and_the_second_one_plays_nothing(make_world: Any
     start_second(world)
     assert world.ask(SetBool, "second_pause", data=False).message.startswith("another simulator plays: ")
     world.ask(SetBool, "pause", data=False)
-    for each in (alone, world):
-        each.wait(lambda each=each: each.hear("episode")[-1].phase == Episode.ENDED)
-    expected, got = alone.hear("episode")[-1], world.hear("episode")[-1]
+    expected, got = alone.ended(), world.ended()
     assert (got.outcome, got.tick) == (expected.outcome, expected.tick)
     states = [[s.applied for s in each.hear("state") if s.tick] for each in (alone, world)]
     np.testing.assert_array_equal(states[0], states[1])
     first, second = sorted({e.sender for e in world.hear("episode")})
     assert got.sender == first
     assert {s.sender for s in world.hear("state")} == {first}
-    assert f"{first} began first; this is {second}" in log_of(world, "second")
-    assert f"{second} is refused; {first} is followed" in log_of(world, "simulator")
-    assert f"another simulator: {second}; {first} is followed" in log_of(world, "controller")
+    assert f"{first} began first; this is {second}" in world.log("second")
+    assert f"{second} is refused; {first} is followed" in world.log("simulator")
+    assert f"another simulator: {second}; {first} is followed" in world.log("controller")
     world.wait(lambda: "refused episode: another simulator" in refusals(world, "controller"))
 
 
@@ -191,7 +183,7 @@ def test_one_that_comes_in_the_place_of_another_is_followed(world: Any, stopped:
 
 
 def test_a_strangers_simulator_without_a_name_is_refused_and_ends_no_walk(world: Any) -> None:
-    episodes, states = world.hear("episode"), world.hear("state")
+    states = world.hear("state")
     world.start("simulator", pace=1.0, **SHORT)
     world.start("controller")
     world.go()
@@ -203,8 +195,7 @@ def test_a_strangers_simulator_without_a_name_is_refused_and_ends_no_walk(world:
     expected = {f"refused {topic}: another simulator" for topic in ("episode", "state")}
     world.wait(lambda: expected <= set(refusals(world, "controller")))
     world.ask(SetBool, "pause", data=False)
-    world.wait(lambda: any(e.phase == Episode.ENDED for e in episodes))
-    assert next(e for e in episodes if e.phase == Episode.ENDED).outcome == "walked"
+    assert world.ended().outcome == "walked"
 
 
 def test_a_bridge_beside_a_simulator_is_not_enabled_before_that_has_left(world: Any) -> None:
@@ -213,6 +204,6 @@ def test_a_bridge_beside_a_simulator_is_not_enabled_before_that_has_left(world: 
     start_second(world, "bridge", "ros2_control", "rabbit_bringup")
     assert world.ask(SetBool, "second_pause", data=False).message.startswith("another simulator plays: ")
     world.processes.stop(("simulator",))
-    world.wait(lambda: "plays on" in log_of(world, "bridge"))
+    world.wait(lambda: "plays on" in world.log("bridge"))
     assert world.ask(SetBool, "second_pause", data=False).message.startswith("no sensors: ")
     assert "ros2_control" in world.hear("episode")[-1].sender
