@@ -3,19 +3,17 @@
 import json
 import random
 import re
-import struct
 from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any
 
 import numpy as np
 import pytest
-from rabbit_description.state import Array
+from played import Played
 from rabbit_sim.parameters import SimulationParameters
-from rabbit_viewer.page.broadcast import Broadcast
-from rabbit_viewer.play.messages import ASKED, Asked
+from rabbit_viewer.play.messages import Asked
 from rabbit_viewer.play.player import Player
-from rabbit_viewer.play.serving import Door, check_walk, tell
+from rabbit_viewer.play.serving import Door, check_walk
 from rabbit_viewer.play.settings import PlaySettings, Start
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
@@ -30,57 +28,13 @@ def start_of(**changes: Any) -> Start:
     return Start(settings=settings, plant=BASE, controller=ControllerParameters())
 
 
-class Played:
-    """A player without a clock, and what it has sent."""
-
-    def __init__(self, **changes: Any) -> None:
-        self.broadcast = Broadcast()
-        self.player = Player(start_of(**changes), partial(tell, self.broadcast))
-
-    def ask(self, **message: Any) -> None:
-        """As the server passes it on."""
-        self.player.take(ASKED.validate_python(message))
-        self.player.say_state()
-
-    def choose(self, **settings: Any) -> None:
-        """As a person does, on the page."""
-        self.ask(do="set", settings={**self.words["state"]["settings"], **settings})
-
-    def walk(self, ticks: int = 10_000) -> "Played":
-        """So many ticks, or to the end."""
-        for _ in range(ticks):
-            if self.player.has_ended:
-                break
-            self.player.tick()
-        self.player.say_state()
-        return self
-
-    @property
-    def words(self) -> dict[str, Any]:
-        """The newest of each kind."""
-        return {word["type"]: word for word in self.broadcast.known[0]}
-
-    def rows(self, walker: int = 0) -> dict[str, Array]:
-        """Of one robot by column."""
-        columns = [each["columns"] for each in self.words["about"]["walkers"]]
-        data = self.broadcast.known[1]
-        table = np.array(struct.unpack(f"<{len(data) // 4}f", data)).reshape(-1, sum(map(len, columns)))
-        first = sum(map(len, columns[:walker]))
-        return dict(zip(columns[walker], table[:, first:].T, strict=False))
-
-    @property
-    def outcomes(self) -> list[tuple[str, int]]:
-        """How each robot's walk ended, and its stones."""
-        return [(each["outcome"], each["stones"]) for each in self.words["ended"]["walkers"]]
-
-
 @pytest.fixture
 def played() -> Iterator[Callable[..., Played]]:
     """Makes players, and closes them."""
     made: list[Played] = []
 
     def make(**changes: Any) -> Played:
-        made.append(Played(**changes))
+        made.append(Played(Player, start_of(**changes)))
         return made[-1]
 
     yield make
@@ -89,8 +43,8 @@ def played() -> Iterator[Callable[..., Played]]:
 
 
 def test_one_falls_and_the_other_walks_on(played: Callable[..., Played]) -> None:
-    both = played(first="learned", second="nominal", stones=5).walk()
-    (learned, stones), (nominal, fewer) = both.outcomes
+    both = played(first="learned", second="nominal", stones=5).go_on()
+    (learned, stones), (nominal, fewer) = ((w["outcome"], w["stones"]) for w in both.words["ended"]["walkers"])
     assert (learned, stones) == ("walked", 5)
     assert nominal != "walked"
     assert fewer < 5
@@ -101,28 +55,29 @@ def test_one_falls_and_the_other_walks_on(played: Callable[..., Played]) -> None
 
 def test_a_link_is_the_same_walk_with_its_settings(played: Callable[..., Played]) -> None:
     """In a second player, started with other settings, every number of every tick is the same."""
-    one = played(second="oracle", stones=6).walk(30)
-    one.choose(mass_scale=1.7, payload=4, stone_width=0.2, again="same course", first="nominal", velocity_noise=0.1)
-    one.ask(do="reset")
-    one.walk()
+    one = played(second="oracle", stones=6).go_on(30)
+    changes = {"mass_scale": 1.7, "payload": 4, "stone_width": 0.2, "velocity_noise": 0.1}
+    one.ask("set", settings={**changes, "again": "same course", "first": "nominal"})
+    one.ask("reset")
+    one.go_on()
     settings = one.words["state"]["settings"]
-    two = played(mass_scale=1.0, seed=9).walk(10)
-    two.ask(do="begin", settings=settings)
-    two.walk()
+    two = played(mass_scale=1.0, seed=9).go_on(10)
+    two.ask("begin", settings=settings)
+    two.go_on()
     assert two.broadcast.known[1] == one.broadcast.known[1]
     assert two.words["state"]["settings"] == settings
 
 
 def test_why_it_fell_is_the_barrier_that_its_foot_was_beyond(played: Callable[..., Played]) -> None:
     """With three times the mass the first foot lands past the far edge; the named tick's row is in its explanation."""
-    one = played(first="tuned", mass_scale=3.0).walk()
+    one = played(first="tuned", mass_scale=3.0).go_on()
     ended = one.words["ended"]["walkers"][0]
     (landing,) = one.player.walkers[0].records.landings
     off = (landing[2] - landing[4]) * 1000
     assert off > 0
     assert f"{off:.0f} mm past the far edge" in ended["reason"]
     assert "the row B1, “land before the far edge”" in ended["reason"]
-    one.ask(do="explain", walker=0, tick=ended["tick"])
+    one.ask("explain", walker=0, tick=ended["tick"])
     lines = one.words["explained"]["lines"]
     assert lines[0].startswith(f"robot tuned, tick {ended['tick']} ")
     (row,) = [line.split() for line in lines if re.match("B1 +at least", line)]
@@ -178,7 +133,7 @@ def test_bad_messages_do_no_harm(played: Callable[..., Played]) -> None:
         if refused % 50 == 0 and not one.player.has_ended:
             one.player.tick()
     assert len(passed) < refused / 4
-    np.testing.assert_array_equal(one.walk().rows()["hip_x"], played().walk().rows()["hip_x"])
+    np.testing.assert_array_equal(one.go_on().rows()["hip_x"], played().go_on().rows()["hip_x"])
     for asked in passed[:200]:
         one.player.take(asked)
 

@@ -1,7 +1,6 @@
 """A cart before a wall on the page: the numbers of its rows, and what a person changes while it rides."""
 
 import json
-import struct
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -12,13 +11,12 @@ import numpy as np
 import pytest
 from cbf_clf_qp import Barrier, System
 from own_cart import CART, LIMIT
+from played import Played
 from rabbit_description.task import ControlTask
 from rabbit_description.task_source import load_task
 from rabbit_recording.explaining import explain_ride
-from rabbit_viewer.page.broadcast import Broadcast
 from rabbit_viewer.page.ride import RideRows
-from rabbit_viewer.play.messages import ASKED
-from rabbit_viewer.play.serving import Door, tell
+from rabbit_viewer.play.serving import Door
 from rabbit_viewer.play.task_player import Start, TaskPlayer, altered, check_asked, rates_of, settings_of
 from rabbit_viewer.state_picture import StatePicture
 from rl_cbf_clf_controller.task_controller import TaskController
@@ -35,43 +33,6 @@ def start(tmp_path: Path) -> Start:
     return Start(str(path), ("nominal", "oracle"), 3)
 
 
-class Played:
-    """A player without a clock, and what it has sent."""
-
-    def __init__(self, start: Start) -> None:
-        self.broadcast = Broadcast()
-        self.player = TaskPlayer(start, partial(tell, self.broadcast))
-        self.player.say_state()
-
-    def ask(self, do: str, **more: Any) -> None:
-        """As the server passes it on; settings go on top of those in force."""
-        if "settings" in more:
-            more["settings"] = {**self.words["state"]["settings"], **more["settings"]}
-        self.player.take(ASKED.validate_python({"do": do, **more}))
-        self.player.say_state()
-
-    def ride(self, ticks: int = 1000) -> "Played":
-        """So many ticks, or to the end."""
-        for _ in range(ticks):
-            if self.player.has_ended:
-                break
-            self.player.tick()
-        return self
-
-    @property
-    def words(self) -> dict[str, Any]:
-        """The newest of each kind."""
-        return {word["type"]: word for word in self.broadcast.known[0]}
-
-    def rows(self, walker: int) -> dict[str, Any]:
-        """Of one ride by column."""
-        columns = [each["columns"] for each in self.words["about"]["walkers"]]
-        data = self.broadcast.known[1]
-        table = np.array(struct.unpack(f"<{len(data) // 4}f", data)).reshape(-1, sum(map(len, columns)))
-        first = sum(map(len, columns[:walker]))
-        return dict(zip(columns[walker], table[:, first:].T, strict=False))
-
-
 def test_a_row_has_each_row_of_the_qp(start: Start) -> None:
     task = load_task(start.source)
     rows, ride = RideRows(task), ride_of(TaskController(task), "nominal", 3)
@@ -86,7 +47,7 @@ def test_a_row_has_each_row_of_the_qp(start: Start) -> None:
 
 
 def test_what_is_played_is_the_ride_in_process(start: Start) -> None:
-    played, task = Played(start).ride(), load_task(start.source)
+    played, task = Played(TaskPlayer, start).go_on(), load_task(start.source)
     for i, name in enumerate(start.controllers):
         ride, found = ride_of(TaskController(replace(task)), name, 3), played.rows(i)
         expected = np.array([m.u[0] for m in ride.moments], dtype=np.float32)
@@ -98,31 +59,31 @@ def test_what_is_played_is_the_ride_in_process(start: Start) -> None:
 
 
 def test_a_true_parameter_acts_at_once_and_the_oracle_knows_it(start: Start) -> None:
-    played = Played(start).ride(40)
+    played = Played(TaskPlayer, start).go_on(40)
     before = played.rows(1)
     played.ask("set", settings={"true_mass": 4.0})
     assert played.words["state"]["waiting"] == []
-    played.ride(60)
+    played.go_on(60)
     after, (_, oracle) = played.rows(1), played.player.walkers
     np.testing.assert_array_equal(after["u_u1"][:40], before["u_u1"])
-    x, u = (np.array([getattr(m, name) for m in oracle._ride.moments]) for name in ("x", "u"))  # type: ignore[attr-defined]
+    x, u = (np.array([getattr(m, name) for m in oracle._ride.moments]) for name in ("x", "u"))
     gained, pushed = np.diff(x[:, 1]), 0.01 * u[:-1, 0]
     np.testing.assert_allclose(2.0 * gained[:40], pushed[:40], atol=1e-9)
     np.testing.assert_allclose(4.0 * gained[40:], pushed[40:], atol=1e-9)
     assert np.abs(pushed[40:]).max() > 0.01
-    assert played.ride().words["ended"]["walkers"][1]["reason"].count("wall kept") == 1
+    assert played.go_on().words["ended"]["walkers"][1]["reason"].count("wall kept") == 1
 
 
 def test_what_is_commanded_changes_with_the_next_ride(start: Start) -> None:
-    played = Played(start).ride(10)
+    played = Played(TaskPlayer, start).go_on(10)
     played.ask("set", settings={"added_target": -0.5, "second": "none", "again": "same course"})
     assert set(played.words["state"]["waiting"]) == {"added_target", "second"}
     assert len(played.words["about"]["walkers"]) == 2
     played.ask("reset")
-    played.ride(1000)
+    played.go_on(1000)
     assert len(played.words["about"]["walkers"]) == 1
     (ride,) = played.player.walkers
-    assert {m.p[1] for m in ride._ride.moments} == {1.2 - 0.5}  # type: ignore[attr-defined]
+    assert {m.p[1] for m in ride._ride.moments} == {1.2 - 0.5}
 
 
 def test_a_rate_follows_the_pace() -> None:
@@ -140,7 +101,7 @@ def test_a_rate_follows_the_pace() -> None:
 
 
 def test_a_tick_is_explained_live_as_in_process(start: Start) -> None:
-    played = Played(start).ride(80)
+    played = Played(TaskPlayer, start).go_on(80)
     played.ask("explain", walker=0, tick=60)
     lines = played.words["explained"]["lines"]
     assert lines == explain_ride(ride_of(TaskController(load_task(start.source)), "nominal", 3), 60).lines()
