@@ -75,7 +75,6 @@ def test_a_rows_command_makes_its_runs(line: Line, tmp_path: Path, monkeypatch: 
     monkeypatch.setattr(evaluate_module, "conclude", lambda *_: {})
     monkeypatch.setattr(evaluate_module, "show", lambda *_: None)
     words = shlex.split(evaluate_command(scenario).replace("--out DIR", f"--out {tmp_path}"))
-    monkeypatch.setattr("rabbit_experiments.results.ResultsFolder", lambda *_: None)
     assert CliRunner().invoke(evaluate_module.app, words[2:]).exit_code == 0
     assert replace(seen["scenario"], title=line.what) == scenario
 

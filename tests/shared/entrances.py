@@ -18,7 +18,6 @@ import yaml
 from rabbit_description import GAITS
 from rabbit_description.gait import GaitError, load_gaits
 from rabbit_description.yaml_file import dump_yaml
-from rabbit_experiments.results import ABOUT, ResultsError, ResultsFolder
 from rabbit_experiments.walk_records import RecordsError, WalkRecords, about_walk, load_records, save_records
 from rabbit_misses import model as misses
 from rabbit_recording import RecordingError
@@ -85,7 +84,6 @@ def entrances(walk: Walk) -> dict[str, Entrance]:
         records = (folder / "records.npz").read_bytes()
         RestartFile(folder / "memory")
         memory = (folder / "memory").read_bytes()
-    made = json.dumps({"key": "a", "made_with": {"numpy": "2"}}).encode()
     misses_of_best = Path(misses.__file__).with_name("best.json").read_bytes()
 
     def stones(path: Path) -> Any:
@@ -105,7 +103,6 @@ def entrances(walk: Walk) -> dict[str, Entrance]:
         "records": Entrance("records.npz", records, show_records, RecordsError, with_crcs),
         "memory": Entrance("memory", memory, RestartFile, RestartFileError),
         "misses": Entrance("best.json", misses_of_best, misses.MissProbability.load, misses.MissModelError),
-        "evaluation": Entrance(ABOUT, made, lambda p: evaluation(p.parent), ResultsError),
         "cached result": Entrance("a.json.gz", report, training_job(TINY).read, ValueError, regzipped, is_told=False),
     }
 
@@ -142,11 +139,6 @@ def use_recording(path: Path) -> None:
     with contextlib.suppress(*BAD_RECORDING):
         others[zlib.crc32(path.read_bytes()) % len(others)](path)
     contents(path)
-
-
-def evaluation(folder: Path) -> None:
-    """As `rabbit evaluate` that goes on."""
-    ResultsFolder(folder, {"key": "a", "made_with": {}})
 
 
 def show_records(path: Path) -> None:

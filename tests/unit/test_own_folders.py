@@ -18,7 +18,6 @@ FOREIGN = (
 CART_POLE = Path(__file__).parents[2] / "examples" / "cart_pole.py"
 FOLDERS = {
     "evaluate": (),
-    "evaluate, overwritten": ("--overwrite",),
     "train": (),
     "benchmark": ("nominal", "--cells", "flat/scale-1", "--courses", 1),
     "reproduce": ("stepping-stone", "--quick"),

@@ -94,7 +94,7 @@ def test_another_packages_plant_is_walked_on(tmp_path: Path) -> None:
     done = rabbit(tmp_path, "evaluate", "--plant", "slow_motor", "--stones", "1", "--runs", "1", "--out", "out")
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "advanced").exists()
-    about = json.loads((tmp_path / "out" / "evaluation.json").read_text())
+    about = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert about["parameters"]["simulation"]["plant"] == "slow_motor"
 
 

@@ -15,7 +15,6 @@ from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.commands.scales import app
 from rabbit_experiments.measured_scales import measure_scales
 from rabbit_experiments.metrics import RunResult, RunRow, RunTally
-from rabbit_experiments.results import ResultsError, ResultsFolder
 from rabbit_experiments.summary import mean_interval, summarise, wilson
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Landing, Outcome
@@ -181,16 +180,6 @@ def test_summary_counts() -> None:
 def test_rms_is_over_all_ticks_not_over_runs() -> None:
     summary = summarise([result(0, rms_y=0.3, ticks=1), result(1, rms_y=0.1, ticks=9)], "osqp")
     assert summary["rms_y"] == pytest.approx(math.sqrt(0.018))
-
-
-def test_a_folder_of_another_evaluation_is_refused(tmp_path: Path) -> None:
-    first = ResultsFolder(tmp_path, {"key": "a", "made_with": {}})
-    first.cache.path.mkdir()
-    with pytest.raises(ResultsError, match="another evaluation"):
-        ResultsFolder(tmp_path, {"key": "b", "made_with": {}})
-    assert first.cache.path.exists()
-    ResultsFolder(tmp_path, {"key": "b", "made_with": {}}, overwrite=True)
-    assert not first.cache.path.exists()
 
 
 SEEDS = (5,)

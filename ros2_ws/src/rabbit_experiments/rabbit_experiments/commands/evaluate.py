@@ -1,14 +1,13 @@
 """Walk many seeded runs without ROS: success, stones, forces, solver and speed."""
 
-from bisect import insort
+import json
 from pathlib import Path
 from typing import Any
 
 import typer
 from pydantic import Field
-from rabbit_common.exit_codes import of_interrupt
 from rabbit_common.options import Defaults, Given, complaints, fail, options
-from rabbit_common.own_folder import own_folder
+from rabbit_description.atomic_file import replace_text
 from rabbit_description.plugins import load
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
@@ -39,7 +38,6 @@ class EvaluationOptions(WalkOptions):
     batch: int = Field(BATCH, ge=1, le=4096, description=ABOUT_BATCH)
     pictures: bool = Field(False, description="draw the first run")
     rerun: bool = Field(False, description="write the first run for Rerun's viewer")
-    overwrite: bool = Field(False, description="begin again in a folder of another evaluation")
 
 
 @app.command()
@@ -49,16 +47,14 @@ def evaluate(given: Given) -> None:
     request = given.build(EvaluationOptions)
     assembly = given_assembly(given, request.policy, request.parameters)
     from rabbit_experiments.evaluation import Scenario
-    from rabbit_experiments.results import ResultsError, ResultsFolder
+    from rabbit_experiments.results import results_folder
     from rabbit_experiments.walk_records import RECORDS, what_walks
 
     print(what_walks(assembly.controller, assembly.simulation, assembly.policy), flush=True)
     scenario, about = Scenario(assembly, request.runs, request.seed), describe(assembly, request.seed)
-    out = request.out or Path("runs", f"evaluate-{about['key'][:8]}")
-    with complaints(ResultsError):
-        folder = ResultsFolder(own_folder(out, "evaluate"), about, request.overwrite)
-    results, walked = walk_all(scenario, folder, who_runs(request.jobs, request.cluster), request.batch)
-    show(conclude(scenario, folder, results, about))
+    out = results_folder(request.out, "evaluate", about["key"])
+    results, walked = walk_all(scenario, out, who_runs(request.jobs, request.cluster), request.batch)
+    show(conclude(scenario, out, results, about))
     print(f"{walked} runs made; written {out}")
     if request.pictures or request.rerun:
         scenario.recorded.write(scenario.recorded.do(), out / RECORDS)  # the first run again, the same
@@ -115,30 +111,23 @@ def describe(assembly: Any, seed: int) -> dict[str, Any]:
     }
 
 
-def walk_all(scenario: Any, folder: Any, processes: int | str, batch: int) -> tuple[list[Any], int]:
-    """Walk the runs that the folder lacks, and keep the tables up to date; all results, and how many were walked."""
-    from rabbit_experiments.cache import JobError
-    from rabbit_experiments.engine import run
+def walk_all(scenario: Any, folder: Path, processes: int | str, batch: int) -> tuple[list[Any], int]:
+    """All results, and how many runs the folder lacked; its tables are kept up to date."""
+    from rabbit_experiments.metrics import ForceTick, RunRow
+    from rabbit_experiments.results import RUNS, VIOLATIONS, results_of
     from rabbit_experiments.summary import Walks
+    from rabbit_experiments.tables import write_rows
 
-    results = [result for job in scenario.walks if (result := folder.cache.get(job))]
-
-    def note(_: Any, result: Any) -> str:
-        insort(results, result, key=lambda result: result.row.run)
-        folder.write_runs(results)
+    def note(results: list[Any]) -> str:
+        write_rows(folder / VIOLATIONS, ForceTick, [tick for result in results for tick in result.violations])
+        write_rows(folder / RUNS, RunRow, [result.row for result in results])
         walks = Walks([result.row for result in results])
-        return f"walked {walks.walked}, mean stones {walks.mean_stones:.1f}"
+        return f"walked {walks.walked}, mean stones {walks.mean_stones:.1f}" if results else ""
 
-    folder.write_runs(results)
-    try:
-        with complaints(JobError):
-            walked = run(scenario.walks, folder.cache, processes, note=note, batch=batch)
-    except KeyboardInterrupt as stop:
-        fail(f"stopped after {len(results)} runs; the same command goes on from there", code=of_interrupt(stop))
-    return results, walked
+    return results_of(scenario.walks, folder, processes, note, batch)
 
 
-def conclude(scenario: Any, folder: Any, results: list[Any], about: dict[str, Any]) -> dict[str, Any]:
+def conclude(scenario: Any, folder: Path, results: list[Any], about: dict[str, Any]) -> dict[str, Any]:
     """Write the summary."""
     from rabbit_experiments.results import SUMMARY
     from rabbit_experiments.summary import summarise
@@ -146,7 +135,7 @@ def conclude(scenario: Any, folder: Any, results: list[Any], about: dict[str, An
     plant, controller = scenario.assembly.simulation, scenario.assembly.controller
     figures = summarise(results, controller.qp_solver, plant.stones, plant.tick_seconds)
     summary = {"runs": scenario.runs, "stones": plant.stones, **figures, **about}
-    folder.write(SUMMARY, summary)
+    replace_text(folder / SUMMARY, json.dumps(summary, indent=2))
     return summary
 
 

@@ -7,7 +7,6 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rabbit_common.exit_codes import of_interrupt
 from rabbit_common.options import complaints, fail
 from rabbit_common.own_folder import new_file, own_folder
 from rabbit_description import ABOUT_TASK
@@ -48,7 +47,7 @@ def evaluate(
 
     loaded, names = chosen(task, controller)
     asked = rides_of(task, names, rides, seed)
-    folder, rows = walked(asked, out, "evaluate", who_runs(jobs, cluster))
+    folder, rows = ridden_all(asked, out, "evaluate", who_runs(jobs, cluster))
     ridden = {name: rows[i * rides : (i + 1) * rides] for i, name in enumerate(names)}
     summary = {name: summarise(loaded, of_one) for name, of_one in ridden.items()}
     show(loaded, summary)
@@ -77,7 +76,7 @@ def benchmark(
     if not (plants := plants_of(loaded)):
         fail(f"task {loaded.name}: expected true parameters that differ from the nominal ones")
     asked = [ride for plant in plants.values() for ride in rides_of(task, names, rides, seed, plant)]
-    folder, rows = walked(asked, out, "benchmark", who_runs(jobs, cluster))
+    folder, rows = ridden_all(asked, out, "benchmark", who_runs(jobs, cluster))
     summaries = [summarise(loaded, rows[start : start + rides]) for start in range(0, len(rows), rides)]
     kept = iter([f"{summary['kept']} {interval(summary['kept_ci95'], 2)}" for summary in summaries])
     table = [[plant, *(next(kept) for _ in names)] for plant in plants]
@@ -160,23 +159,15 @@ def chosen(task: str, controller: str) -> "tuple[ControlTask, list[str]]":
     return loaded, names
 
 
-def walked(
+def ridden_all(
     asked: "Sequence[TaskRide]", out: Path | None, command: str, processes: int | str
 ) -> "tuple[Path, list[RideRow]]":
     """The folder, and a row for each ride; one that was stopped goes on there."""
-    from rabbit_experiments.cache import Cache, JobError
-    from rabbit_experiments.engine import run
     from rabbit_experiments.provenance import key_of, plain
+    from rabbit_experiments.results import results_folder, results_of
 
-    name = out or Path("runs", f"{command}-{key_of([plain(ride) for ride in asked])[:8]}")
-    folder = own_folder(name, f"{command} --task")
-    cache = Cache(folder / "cache")
-    try:
-        with complaints(JobError):
-            run(asked, cache, processes)
-    except KeyboardInterrupt as stop:
-        fail("stopped; the same command goes on from the rides that are done", code=of_interrupt(stop))
-    return folder, [cache.get(ride) for ride in asked]
+    folder = results_folder(out, f"{command} --task", key_of([plain(ride) for ride in asked]))
+    return folder, results_of(asked, folder, processes)[0]
 
 
 def show(task: "ControlTask", summary: dict[str, Any]) -> None:
