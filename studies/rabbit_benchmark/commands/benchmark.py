@@ -5,8 +5,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
-from rabbit_common.exit_codes import of_interrupt
-from rabbit_common.options import complaints, fail, is_bare, tell_if_bare
+from rabbit_common.options import complaints, fail, going_on_from, is_bare, tell_if_bare
 from rabbit_common.own_folder import own_folder
 from rabbit_description.state import TICK_SECONDS
 from rabbit_description.tick import ABOUT_TICK
@@ -88,11 +87,8 @@ def benchmark(
         if all(isinstance(reason := runs[each, cell], str) for cell in wanted):
             fail(f"{each.name}: {reason}")
     cache = Cache(own_folder(out, "benchmark") / "cache")
-    try:
-        with complaints(JobError):
-            walks = [job for each in runs.values() if not isinstance(each, str) for job in each]
-            done = run(walks, cache, processes, batch=batch)
-    except KeyboardInterrupt as stop:
-        fail("stopped; the same command goes on from the runs that are done", code=of_interrupt(stop))
+    with complaints(JobError), going_on_from("the runs that are done"):
+        walks = [job for each in runs.values() if not isinstance(each, str) for job in each]
+        done = run(walks, cache, processes, batch=batch)
     page = Benchmark.from_cache(protocol, entered, wanted, runs, cache, against).write(out)
     print(f"{done} runs made; written {page}")

@@ -4,8 +4,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rabbit_common.exit_codes import of_interrupt
-from rabbit_common.options import complaints, fail, tell_if_bare
+from rabbit_common.options import complaints, going_on_from, tell_if_bare
 from rabbit_common.own_folder import own_folder
 from rabbit_experiments.conditions import Cluster, Jobs, who_runs
 
@@ -48,10 +47,8 @@ def speed(
         tuning = load_parameters(parameters)
         cache = Cache(own_folder(out, "speed") / "cache")
         fit, judge = exploring_walks(plants, FIT_SEED, tuning), exploring_walks(others, JUDGE_SEED, tuning)
-        try:
+        with going_on_from("the walks that are done"):
             run(list(chain(*fit, *judge)), cache, processes)
-        except KeyboardInterrupt as stop:
-            fail("stopped; the same command goes on from the walks that are done", code=of_interrupt(stop))
         model = fitted(gathered(fit, cache))
         wrong, spread = errors(model.coefficients, gathered(judge, cache))
     print(f"{model.steps} steps on {model.plants} plants, seed {FIT_SEED}")

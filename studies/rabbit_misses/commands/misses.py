@@ -4,8 +4,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rabbit_common.exit_codes import of_interrupt
-from rabbit_common.options import complaints, fail, tell_if_bare
+from rabbit_common.options import complaints, going_on_from, tell_if_bare
 from rabbit_common.own_folder import own_folder
 from rabbit_experiments.conditions import Cluster, Jobs, who_runs
 
@@ -46,11 +45,8 @@ def misses(
         fit = [] if loaded else stormy_walks(fit_plants, FIT_SEED, parameters)
         judge = stormy_walks(plants, JUDGE_SEED, parameters)
     cache = Cache(own_folder(out, "misses") / "cache")
-    try:
-        with complaints(JobError):
-            run([*fit, *judge], cache, processes)
-    except KeyboardInterrupt as stop:
-        fail("stopped; the same command goes on from the walks that are done", code=of_interrupt(stop))
+    with complaints(JobError), going_on_from("the walks that are done"):
+        run([*fit, *judge], cache, processes)
     with complaints(MissModelError, OSError):
         if loaded is None:
             rows, missed = gathered(fit, cache)

@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
-from rabbit_common.exit_codes import of_interrupt
-from rabbit_common.options import complaints, fail, is_bare, tell_if_bare
+from rabbit_common.options import complaints, fail, going_on_from, is_bare, tell_if_bare
 from rabbit_common.own_folder import own_folder
 from rabbit_description.validation import one_of
 from rabbit_experiments.conditions import Cluster, Jobs, who_runs
@@ -73,14 +72,10 @@ def reproduce(
     own_folder(out, "reproduce")
     chosen = [each for name, each in known.items() if name in (names or known) and (retrain or not each.needs_training)]
     size = replace(QUICK if quick else FULL, plant=plant)
-    try:
-        with complaints(JobError):
-            if retrain:
-                wanted = dict.fromkeys(recipe for each in chosen for recipe in each.trainings(size))
-                size = replace(
-                    size, trained=retrained(list(wanted), out / "training", jobs or os.cpu_count() or 1, plant)
-                )
-            page, done = make(chosen, size, out, list(known), processes)
-    except KeyboardInterrupt as stop:
-        fail("stopped; the same command goes on from the runs that are done", code=of_interrupt(stop))
+    with complaints(JobError), going_on_from("the runs that are done"):
+        if retrain:
+            wanted = dict.fromkeys(recipe for each in chosen for recipe in each.trainings(size))
+            trained = retrained(list(wanted), out / "training", jobs or os.cpu_count() or 1, plant)
+            size = replace(size, trained=trained)
+        page, done = make(chosen, size, out, list(known), processes)
     print(f"{done} runs made; written {page}")

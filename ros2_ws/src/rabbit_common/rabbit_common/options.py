@@ -28,6 +28,7 @@ from rabbit_description import validation
 from rabbit_description.validation import one_line
 
 from rabbit_common.executables import NAMESPACE
+from rabbit_common.exit_codes import of_interrupt
 
 BAD_VALUE = 2
 LONGEST_LINE = 1500  # characters of an error
@@ -124,6 +125,15 @@ def complaints(*errors: type[Exception]) -> Iterator[None]:
         fail(fault(error))
     except errors as error:
         fail(error, getattr(error, "code", BAD_VALUE))
+
+
+@contextmanager
+def going_on_from(done: str) -> Iterator[None]:
+    """Where a signal ends the command, say from what the same one goes on."""
+    try:
+        yield
+    except KeyboardInterrupt as stop:
+        fail(f"stopped; the same command goes on from {done}", code=of_interrupt(stop))
 
 
 class Graph(BaseModel, defer_build=True):

@@ -11,8 +11,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from rabbit_common.exit_codes import of_interrupt
-from rabbit_common.options import complaints, fail
+from rabbit_common.options import complaints, going_on_from
 from rabbit_common.own_folder import own_folder
 
 from rabbit_experiments.cache import Cache, Job, JobError
@@ -52,9 +51,6 @@ def results_of(
         return note([results[job] for job in jobs if job in results])
 
     note([*results.values()])
-    try:
-        with complaints(JobError):
-            done = run(jobs, cache, processes, note=keep, batch=batch)
-    except KeyboardInterrupt as stop:
-        fail(f"stopped after {len(results)} runs; the same command goes on from there", code=of_interrupt(stop))
+    with complaints(JobError), going_on_from("the runs that are done"):
+        done = run(jobs, cache, processes, note=keep, batch=batch)
     return [results[job] for job in jobs], done

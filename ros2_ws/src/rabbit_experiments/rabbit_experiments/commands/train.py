@@ -6,8 +6,7 @@ from typing import Any
 
 import typer
 from pydantic import Field
-from rabbit_common.exit_codes import of_interrupt
-from rabbit_common.options import Defaults, Given, complaints, fail, options
+from rabbit_common.options import Defaults, Given, complaints, going_on_from, options
 from rabbit_common.own_folder import own_folder
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
@@ -62,13 +61,12 @@ def train(given: Given) -> None:
         training(request.out, parameters, controller, plant) as (trainer, reports),
     ):
         try:
-            follow(trainer, reports)
-        except KeyboardInterrupt as stop:
+            with going_on_from("the last whole episode"):
+                follow(trainer, reports)
+        finally:
             draw_curve(request.out)
-            fail("stopped; the same command goes on from the last whole episode", code=of_interrupt(stop))
         trainer.policy_file().write(request.out / POLICY)
     print(f"written {request.out / POLICY}")
-    draw_curve(request.out)
 
 
 def draw_curve(folder: Path) -> None:
