@@ -11,12 +11,13 @@ from rabbit_description.state import ACTUATED, Array
 from rabbit_experiments.walk_records import WalkRecords
 
 from rabbit_viewer import style
-from rabbit_viewer.filmstrip import draw_walk
 from rabbit_viewer.geometry import legs_of
 from rabbit_viewer.panels import LOG, Panel, draw_panels
+from rabbit_viewer.scene import SIZE, Scene
 
 IMPACT = 0.03  # s, in which the ground's force is an impact's
 MILLIMETRES = 1e3  # in a metre
+STILLS = 3
 FAR_OFF = 50.0  # mm from a stone, drawn no farther
 NEAR_ZERO = {"value": "symlog", "linthresh": 0.01}  # a scale that shows a barrier whole, and near zero
 
@@ -29,6 +30,16 @@ def draw(walk: WalkRecords, out: Path, suffix: str = ".png") -> list[Path]:
     title, xlabel = str(walk.about.get("title", "")), "time (s); grey: 30 ms after an impact"
     look = title, xlabel, walk.step_starts[1:].tolist(), IMPACT
     return robot + [draw_panels(shown, walk.time, out / f"{name}{suffix}", *look) for name, shown in of.items()]
+
+
+def draw_walk(walk: WalkRecords, path: Path) -> Path:
+    """The robot at its last landings, as the film shows it, the newest last."""
+    rows, scene = [*walk.step_starts[1:].tolist(), len(walk.tick) - 1][-STILLS:], Scene(walk)
+    figure, panels = style.figure(len(rows), height=style.PAGE * SIZE[1] / SIZE[0])
+    for axes, row in zip(panels, rows, strict=True):
+        axes.imshow(scene.frame(row))
+        axes.set_axis_off()
+    return style.save(figure, path)
 
 
 def draw_swing_foot(walk: WalkRecords, path: Path) -> Path:
