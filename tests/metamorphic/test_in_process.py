@@ -13,6 +13,7 @@ import pytest
 from drawn_runs import Digits, Run, assert_same, digits, replay, runs, tick_of, walk
 from hypothesis import Phase, given, settings
 from rabbit_description import GAITS, LIBRARIES
+from rabbit_description.yaml_file import dump_yaml
 from rabbit_sim.stones import draw_course
 from rl_cbf_clf_controller.weights import policy_path
 
@@ -68,10 +69,9 @@ def by_files(run: Run, other: Run) -> Digits:
     """Gait, policy and course come from files; the gait's first held another gait, changed at the same time."""
     with TemporaryDirectory() as name:
         folder = Path(name)
-        gait, course, policy = folder / "gait.yaml", folder / "course.csv", run.policy
+        gait, course, policy = folder / "gait.yaml", folder / "course.yaml", run.policy
         stones = draw_course(run.simulation, np.random.default_rng(np.random.SeedSequence(run.seed).spawn(3)[0]))
-        lines = [f"{stone.l_min!r},{stone.l_max!r},{stone.height!r}\n" for stone in stones]
-        course.write_text("".join(["l_min,l_max,height\n", *lines]), encoding="utf-8")
+        course.write_text(dump_yaml({"stones": [stone.model_dump() for stone in stones]}), encoding="utf-8")
         if policy not in ("zero", "oracle"):
             policy = shutil.copy(policy_path(policy), folder)
         own = run.controller.model_copy(update={"gait": str(gait)})

@@ -47,8 +47,8 @@ from untrained_policy import policy_file, policy_metadata
 
 TINY = TrainingParameters(problem=RL_CLF_QP, hidden1=3, hidden2=2, batch=2, capacity=10)
 BAD_RECORDING = (RecordingError, RecordsError)
-NAMES = ("policy", "model", "gait", "library", "course", "table of stones", "parameters", "recording")
-NAMES += ("journal", "checkpoint", "records", "memory", "misses", "evaluation", "cached result")
+NAMES = ("policy", "model", "gait", "library", "course", "parameters", "recording")
+NAMES += ("journal", "checkpoint", "records", "memory", "misses", "cached result")
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,6 @@ def entrances(walk: Walk) -> dict[str, Entrance]:
         "gait": Entrance("gait.yaml", gait, load_gaits, GaitError),
         "library": Entrance("library.yaml", dump_yaml(library).encode(), load_gaits, GaitError),
         "course": Entrance("course.yaml", dump_yaml(course).encode(), stones, CourseError),
-        "table of stones": Entrance("course.csv", b"l_min,l_max\n0.35,0.40\n0.36,0.41\n", stones, CourseError),
         "parameters": Entrance("a.yaml", (CONFIG / "best.yaml").read_bytes(), load_parameters, ParameterError),
         "recording": Entrance("bag.mcap", mcap, use_recording, BAD_RECORDING, without_checksums),
         "journal": Entrance(journal_path(Path(), 0).name, journal, go_on, CheckpointError, with_line_checksums),

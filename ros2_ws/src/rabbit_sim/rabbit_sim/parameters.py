@@ -51,7 +51,7 @@ class Episode(Checked):
         Control("stone height", 0.005, "m", at_reset=True),
     )
     height_preview: bool = Field(True, description="the preview of a stone tells its height")
-    course: str = Field("", description="file of stones (.yaml or .csv); empty: drawn")
+    course: str = Field("", description="YAML file of stones; empty: drawn")
 
     x0_position_std: Number = Field(0.02, ge=0, le=0.5, description="noise of the first angles, rad")
     x0_velocity_std: Number = Field(0.05, ge=0, le=1, description="noise of the first angle rates, over their size")

@@ -1,20 +1,19 @@
 """Courses of stepping stones: drawn from a distribution, or read from a file."""
 
-import csv
-from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Field, TypeAdapter, ValidationError, model_validator
-from rabbit_description.bounded_file import FileError, read_text
+from pydantic import Field, ValidationError, ValidationInfo, model_validator
+from rabbit_description.bounded_file import FileError
 from rabbit_description.state import Array
-from rabbit_description.validation import Checked
-from rabbit_description.yaml_file import MOST_BYTES, read_yaml, shortened
+from rabbit_description.validation import Checked, one_line
+from rabbit_description.yaml_file import read_mapping
 
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.plant import FARTHEST_EDGE, HIGHEST_TOP
 
+WIDTH = "width"  # of a stone, in the context of a file
 Edge = Annotated[float, Field(gt=0, le=FARTHEST_EDGE, allow_inf_nan=False)]
 
 
@@ -31,6 +30,13 @@ class Stone(Checked):
     l_min: Edge
     l_max: Edge
     height: Annotated[float, Field(ge=-HIGHEST_TOP, le=HIGHEST_TOP, allow_inf_nan=False)] = 0.0
+
+    @model_validator(mode="before")
+    @classmethod
+    def _has_usual_width(cls, row: Any, info: ValidationInfo) -> Any:
+        if info.context and isinstance(row, dict) and isinstance(l_min := row.get("l_min"), float):
+            return {"l_max": l_min + info.context[WIDTH], **row}
+        return row
 
     @model_validator(mode="after")
     def _has_width(self) -> "Stone":
@@ -58,54 +64,24 @@ def draw_course(parameters: SimulationParameters, rng: np.random.Generator) -> l
     ]
 
 
-def read_course(path: Path, stones: int, width: float) -> list[Stone]:
-    """The first `stones` stones of a file; one without `l_max` is `width` wide.
+class CourseFile(Checked):
+    """`stones:` with a list of `{l_min: 0.35, l_max: 0.40}`, maybe with a `height`."""
 
-    YAML: `stones:` with a list of `{l_min: 0.35, l_max: 0.40}`. CSV: a header `l_min` or `l_min,l_max`, a row a stone.
-    Either may have a `height`.
+    stones: list[Stone]
+
+
+def read_course(path: Path, stones: int, width: float) -> list[Stone]:
+    """The first `stones` stones of a YAML file; one without `l_max` is `width` wide.
 
     Raises:
-        CourseError: no such file, not readable as its kind, too few stones, or an edge out of bounds.
+        CourseError: no such file, not readable, too few stones, or an edge out of bounds.
     """
-    rows = _read_rows(path)
-    for row in rows:
-        if isinstance(row, dict) and row.get("l_max") in (None, ""):
-            with suppress(KeyError, TypeError, ValueError):  # of an l_min that is refused below
-                row["l_max"] = float(row["l_min"]) + width
     try:
-        course = TypeAdapter(list[Stone]).validate_python(rows)
+        course = CourseFile.model_validate(read_mapping(path), context={WIDTH: width}).stones
+    except FileError as error:
+        raise CourseError(f"course {path}: cannot be read: {error}") from error
     except ValidationError as error:
-        raise CourseError(f"course {path}: {_first_fault(error)}") from error
+        raise CourseError(f"course {path}: {one_line(error)}") from error
     if len(course) < stones:
         raise CourseError(f"course {path}: {len(course)} stones: expected at least {stones}")
     return course[:stones]
-
-
-def _read_rows(path: Path) -> list[Any]:
-    if path.suffix not in (".yaml", ".yml", ".csv"):
-        raise CourseError(f"course {path}: kind {path.suffix!r}: expected .yaml or .csv")
-    try:
-        if path.suffix == ".csv":
-            return _csv_rows(read_text(path, MOST_BYTES))
-        content = read_yaml(path)
-    except (FileError, csv.Error) as error:
-        raise CourseError(f"course {path}: cannot be read: {error}") from error
-    if not isinstance(content, dict) or set(content) != {"stones"} or not isinstance(content["stones"], list):
-        raise CourseError(f"course {path}: expected a mapping with one key 'stones' and a list under it")
-    return list(content["stones"])
-
-
-def _csv_rows(text: str) -> list[Any]:
-    rows = csv.DictReader(text.splitlines())
-    names = list(rows.fieldnames or ())
-    if len(set(names)) < len(names):
-        raise csv.Error(f"columns {shortened(names)}: expected each once")
-    return list(rows)
-
-
-def _first_fault(error: ValidationError) -> str:
-    fault = error.errors()[0]
-    place = fault["loc"]
-    stone = f"stone {int(place[0]) + 1}" if place else "stones"
-    names = "".join(f" {name}" for name in place[1:])
-    return f"{stone}{names} = {shortened(fault['input'])}: {fault['msg']}"

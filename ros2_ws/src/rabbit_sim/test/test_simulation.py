@@ -186,8 +186,8 @@ def test_flat_ground_has_no_preview_and_no_miss(play):
     ],
 )
 def test_the_hip_counts_from_the_line_over_the_tops(play, tmp_path, hip, outcome):
-    course = tmp_path / "course.csv"
-    course.write_text("l_min,height\n0.35,0.05\n0.35,0\n0.35,0\n")
+    course = tmp_path / "course.yaml"
+    course.write_text("stones: [{l_min: 0.35, height: 0.05}, {l_min: 0.35}, {l_min: 0.35}]")
     feet = ((0, 0), (0.37, 0.05))
     script = [up([right(0.37)], feet=feet), up(q=np.array([*hip, 0.1, 0, 0, 0, 0]), feet=feet)]
     assert play(script, course=str(course))[1].outcome is outcome
