@@ -1,12 +1,14 @@
 """Files that are written whole or not at all, also when their writer is killed."""
 
+import csv
 import fcntl
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from itertools import chain, count
 from pathlib import Path
+from typing import Any
 from uuid import uuid4
 
 PARTIAL = re.compile(r"\.[0-9a-f]{32}\..+", re.DOTALL)  # the names that `replacing` gives
@@ -51,6 +53,16 @@ def replace_text(path: Path, text: str) -> None:
     """Write a text file, whole or not at all."""
     with replacing(path) as partial:
         partial.write_text(text, encoding="utf-8")
+
+
+def replace_table(path: Path, rows: Iterable[Mapping[str, Any]], names: Iterable[str] = ()) -> None:
+    """Write a CSV file, whole or not at all: columns `names`, by default all that a row has; a cell may be empty."""
+    rows = list(rows)
+    columns = [*names] or list(dict.fromkeys(name for row in rows for name in row))
+    with replacing(path) as partial, partial.open("w", encoding="utf-8", newline="") as file:
+        table = csv.DictWriter(file, columns)
+        table.writeheader()
+        table.writerows(rows)
 
 
 def first_free(path: Path) -> Path:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from pydantic import BaseModel
-from rabbit_description.atomic_file import replacing
+from rabbit_description.atomic_file import replace_table
 from rabbit_description.bounded_file import read_text
 
 MOST_BYTES = 100_000_000  # of a table
@@ -16,10 +16,7 @@ Model = TypeVar("Model", bound=BaseModel)
 
 def write_rows(path: Path, model: type[BaseModel], rows: Iterable[BaseModel]) -> None:
     """Write a CSV file, at once or not at all, with a column for each field of `model`."""
-    with replacing(path) as partial, partial.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.DictWriter(file, fieldnames=list(model.model_fields))
-        writer.writeheader()
-        writer.writerows(row.model_dump() for row in rows)
+    replace_table(path, (row.model_dump() for row in rows), model.model_fields)
 
 
 def read_rows(path: Path, model: type[Model]) -> list[Model]:

@@ -35,7 +35,7 @@ class RideRow(BaseModel):
     ticks: int
     outcome: str
     reason: str
-    is_kept: bool
+    kept: bool
     impacts: int
     margins: list[float]
 
@@ -123,7 +123,7 @@ def row_of(task: ControlTask, seed: int, ticks: int, impacts: int, verdict: tupl
     """What a ride leaves behind that has ended; `margins`: the least value of each barrier until then."""
     outcome, reason = verdict
     margins = margins if outcome == "done" else np.full(margins.shape, -inf)
-    ended = {"outcome": outcome, "reason": reason, "is_kept": task.keeps(outcome, margins), "impacts": impacts}
+    ended = {"outcome": outcome, "reason": reason, "kept": task.keeps(outcome, margins), "impacts": impacts}
     return RideRow(seed=seed, ticks=ticks, margins=margins.tolist(), **ended)
 
 
@@ -161,7 +161,7 @@ def plants_of(task: ControlTask) -> dict[str, Plant]:
 
 def summarise(task: ControlTask, rides: Sequence[RideRow]) -> dict[str, Any]:
     """Of one controller's rides; a barrier's figures are of rides that did not fail."""
-    kept = sum(ride.is_kept for ride in rides)
+    kept = sum(ride.kept for ride in rides)
     summary: dict[str, Any] = {"kept": kept, "of": len(rides), "kept_ci95": wilson(kept, len(rides)), "barriers": {}}
     done = np.array([ride.margins for ride in rides if ride.outcome == "done"])
     for name, margins in zip((b.name for b in task.barriers), done.T, strict=False):

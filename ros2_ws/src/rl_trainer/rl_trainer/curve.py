@@ -1,10 +1,9 @@
 """How a training goes, an episode a row: in the folder's curve.csv, and by the same names in TensorBoard."""
 
-import csv
 from collections.abc import Sequence
 from pathlib import Path
 
-from rabbit_description.atomic_file import replacing
+from rabbit_description.atomic_file import replace_table
 
 from rl_trainer.training import EpisodeReport
 
@@ -21,9 +20,4 @@ def scalars(report: EpisodeReport) -> dict[str, float]:
 
 def write_curve(folder: Path, reports: Sequence[EpisodeReport]) -> None:
     """Write curve.csv: the episode, counted from 0, and its `scalars`; a cell is empty where an episode has none."""
-    rows = [{"episode": report.episode, **scalars(report)} for report in reports]
-    names = dict.fromkeys(name for row in rows for name in row)
-    with replacing(folder / CURVE) as partial, partial.open("w", encoding="utf-8", newline="") as file:
-        table = csv.DictWriter(file, list(names))
-        table.writeheader()
-        table.writerows(rows)
+    replace_table(folder / CURVE, ({"episode": report.episode, **scalars(report)} for report in reports))

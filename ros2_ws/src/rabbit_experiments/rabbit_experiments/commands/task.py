@@ -1,6 +1,5 @@
 """Commands on a control task of your own: `rabbit evaluate`, `benchmark`, `train` with `--task TASK`."""
 
-import csv
 import json
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -199,18 +198,17 @@ def write_results(
     folder: Path, task: "ControlTask", ridden: "dict[str, list[RideRow]]", summary: dict[str, Any]
 ) -> None:
     """A row for each ride, the summary, and a picture."""
-    from rabbit_description.atomic_file import replace_text, replacing
+    from rabbit_description.atomic_file import replace_table, replace_text
     from rabbit_description.plugins import load
 
+    barriers = [barrier.name for barrier in task.barriers]
+    rows = [
+        {"controller": name, **ride.model_dump(exclude={"margins"}), **dict(zip(barriers, ride.margins, strict=True))}
+        for name, rides in ridden.items()
+        for ride in rides
+    ]
     with complaints(OSError):
-        with replacing(folder / "runs.csv") as partial, partial.open("w", newline="", encoding="utf-8") as file:
-            table = csv.writer(file)
-            columns = "controller", "seed", "ticks", "outcome", "reason", "kept", "impacts"
-            table.writerow([*columns, *(barrier.name for barrier in task.barriers)])
-            for name, rides in ridden.items():
-                for ride in rides:
-                    ended = ride.ticks, ride.outcome, ride.reason, ride.is_kept, ride.impacts
-                    table.writerow([name, ride.seed, *ended, *ride.margins])
+        replace_table(folder / "runs.csv", rows)
         replace_text(folder / "summary.json", json.dumps({"task": task.name, **summary}, indent=2))
         load("rabbit.pictures", "margins")(task, ridden, folder / "margins.png")
     print(f"written {folder}")
