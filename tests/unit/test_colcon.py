@@ -15,22 +15,22 @@ from xml.etree import ElementTree
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-WORKSPACE = ROOT / "ros2_ws"
+SOURCES = ROOT / "ros2_ws" / "src"
 
 
-@pytest.fixture(scope="module")
-def copied(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The packages' sources where nothing else of the project is."""
+def copy_to(folder: Path) -> Path:
+    """The packages' sources where nothing else of the project is, without what pip leaves in them."""
     left_over = shutil.ignore_patterns("__pycache__", "build", "*.egg-info")
-    return shutil.copytree(WORKSPACE / "src", tmp_path_factory.mktemp("copied") / "src", ignore=left_over)
+    return shutil.copytree(SOURCES, folder / "src", ignore=left_over)
 
 
 @pytest.fixture(scope="module")
-def walking(copied: Path) -> Path:
-    """The workspace of that copy, built."""
-    done = in_shell(f"python {shutil.which('colcon')} build", copied.parent)
+def walking(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The workspace of a copy, built."""
+    workspace = copy_to(tmp_path_factory.mktemp("copied")).parent
+    done = in_shell(f"python {shutil.which('colcon')} build", workspace)
     assert done.returncode == 0, done.stderr
-    return copied.parent
+    return workspace
 
 
 def in_shell(script: str, folder: Path) -> subprocess.CompletedProcess[str]:
@@ -60,8 +60,7 @@ def test_colcon_test_runs_a_packages_tests(walking: Path) -> None:
     assert re.search(r"Summary: [1-9]\d* tests, 0 errors, 0 failures", said), said
 
 
-SOURCES = Path(__file__).resolve().parents[2] / "ros2_ws" / "src"
-LINTER = tomllib.loads((SOURCES.parents[1] / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"]
+LINTER = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"]
 PACKAGES = [name for name in LINTER["root_packages"] if (SOURCES / name).is_dir()]
 # modules that a package must not load even through others; rclpy is hidden below anyway
 NEVER_LOADED = {
@@ -93,15 +92,9 @@ def ros_dependencies(package: str) -> set[str]:
 
 
 @pytest.fixture(scope="session")
-def checkout(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The packages' sources in an empty folder, without what pip leaves in them."""
-    left_over = shutil.ignore_patterns("__pycache__", "build", "*.egg-info")
-    return shutil.copytree(SOURCES, tmp_path_factory.mktemp("checkout") / "src", ignore=left_over)
-
-
-@pytest.fixture(scope="session")
-def installed(checkout: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
     """Installs a package with pip, by itself, into an empty folder; once a session."""
+    checkout = copy_to(tmp_path_factory.mktemp("checkout"))
 
     @cache
     def install(package: str) -> Path:

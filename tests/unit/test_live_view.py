@@ -9,8 +9,6 @@ from rabbit_common.ros.robot_frames import transforms
 from rabbit_description import FRAMES, URDF_PATH
 from rabbit_description.gait import load_gaits
 from rabbit_description.state import FEET, Array, StonePreview
-from rabbit_experiments.assembly import Assembly
-from rabbit_experiments.evaluation import record_walk
 from rabbit_experiments.walk_records import WalkRecords, about_walk
 from rabbit_msgs import msg
 from rabbit_sim.kinematics import RabbitFeet
@@ -23,7 +21,7 @@ from rabbit_viewer.ros.rviz import markers
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.oracle import OraclePolicy, TruePlant
-from rl_cbf_clf_controller.parameters import ControllerParameters, load_parameters
+from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_trainer.rollout import Record, rollout
 from scipy.spatial.transform import Rotation
@@ -32,11 +30,27 @@ from visualization_msgs.msg import Marker
 RNG = np.random.default_rng(0)
 
 
+CONTROLLER = ControllerParameters(controller="cbf-clf-qp")
+PLANT = SimulationParameters(stones=3, stone_height=0.004)
+Walked = tuple[list[Record], Simulation]
+
+
 @pytest.fixture(scope="module")
-def walk() -> WalkRecords:
+def walked() -> Walked:
     """Three stones."""
-    plant = SimulationParameters.model_validate({"stones": 3})
-    return record_walk(Assembly(plant, load_parameters("ours", controller="cbf-clf-qp"), "zero"), seed=1)
+    gait = load_gaits(CONTROLLER.gait)
+    simulation = Simulation(PLANT, gait)
+    records: list[Record] = []
+    rollout(simulation, Controller(CONTROLLER, gait, ZeroPolicy(CONTROLLER.problem)), 1, records.append)
+    simulation.close()
+    return records, simulation
+
+
+@pytest.fixture(scope="module")
+def walk(walked: Walked) -> WalkRecords:
+    """The same as arrays."""
+    records, simulation = walked
+    return WalkRecords.from_ticks(records, simulation.landings, about_walk(CONTROLLER, PLANT, "zero", 1, "walked"))
 
 
 def state_at(walk: WalkRecords, row: int) -> msg.RobotState:
@@ -87,22 +101,6 @@ def test_frames_carry_the_links_to_where_the_feet_are(walk: WalkRecords) -> None
             np.testing.assert_allclose(turned, [force[0], 0, force[1]], atol=1e-12)
     links = {line.split('"')[1] for line in URDF_PATH.read_text().splitlines() if "<link name=" in line}
     assert set(at) == links | FRAMES.keys()
-
-
-CONTROLLER = ControllerParameters(controller="cbf-clf-qp")
-PLANT = SimulationParameters(stones=3, stone_height=0.004)
-Walked = tuple[list[Record], Simulation]
-
-
-@pytest.fixture(scope="module")
-def walked() -> Walked:
-    """Three stones."""
-    gait = load_gaits(CONTROLLER.gait)
-    simulation = Simulation(PLANT, gait)
-    records: list[Record] = []
-    rollout(simulation, Controller(CONTROLLER, gait, ZeroPolicy(CONTROLLER.problem)), 1, records.append)
-    simulation.close()
-    return records, simulation
 
 
 def maker_of(output: ControllerOutput, plant: SimulationParameters, policy: str, knows_plant: bool = False) -> RowMaker:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from rabbit_description.state import Array
+from rabbit_description.state import LAYOUT, Array, RobotLayout
 
 
 class Refused(ValueError):
@@ -74,3 +74,14 @@ def check_lengths(message: Any, lengths: Mapping[str, int]) -> None:
     for name, length in lengths.items():
         if (got := len(getattr(message, name))) != length:
             raise Refused("wrong length", f"{name} has {got} values; expected {length}")
+
+
+def check_state(message: Any, finite: bool = True, layout: RobotLayout = LAYOUT) -> None:
+    """Refuse another robot's lengths, and what is not finite.
+
+    An episode's last state may be anything (`finite` False): the plant may diverge.
+    """
+    check_lengths(message, layout.lengths)
+    for name in ("q", "dq", "foot_force") if finite else ():
+        if name != "dq" or layout.has_rates:
+            check_finite(name, getattr(message, name))

@@ -8,7 +8,7 @@ from rabbit_description.state import RobotState
 from rabbit_description.task import ControlTask
 from rabbit_description.task_state import layout_of
 
-from rabbit_common.message_checks import Refused, array_of, check_finite, check_lengths, doubles
+from rabbit_common.message_checks import Refused, array_of, check_finite, check_state, doubles
 
 
 def measured_fields(state: RobotState) -> dict[str, Any]:
@@ -19,10 +19,7 @@ def measured_fields(state: RobotState) -> dict[str, Any]:
 
 def state_of(task: ControlTask, message: Any, parameters: Any) -> RobotState:
     """A state from its `RobotState` and `TaskParameters`; raises `Refused`."""
-    layout = layout_of(task)
-    check_lengths(message, layout.lengths)
-    for name in ("q", "dq") if layout.has_rates else ("q",):
-        check_finite(name, getattr(message, name))
+    check_state(message, layout=layout_of(task))
     state = RobotState.of_message(message, None)
     state.parameters = parameters_of(task, parameters)
     return state

@@ -25,7 +25,7 @@ from rabbit_msgs import msg
 from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import Header
 
-from rabbit_common.message_checks import Refused, check_finite, check_lengths, doubles
+from rabbit_common.message_checks import Refused, check_finite, check_lengths, check_state, doubles
 
 WORLD = "world"  # the frame of what the simulator measures
 SOLES = ("l_sole", "r_sole")  # the feet's frames, in the order of FEET
@@ -75,17 +75,6 @@ def state_of(
     """A checked state from its message and the preview of stone `touchdowns + 1`; None on flat ground."""
     check_state(message, finite, layout)
     return RobotState.of_message(message, preview)
-
-
-def check_state(message: msg.RobotState, finite: bool = True, layout: RobotLayout = LAYOUT) -> None:
-    """Refuse another robot's lengths, and what is not finite.
-
-    An episode's last state may be anything (`finite` False): the plant may diverge.
-    """
-    check_lengths(message, layout.lengths)
-    for name in ("q", "dq", "foot_force") if finite else ():
-        if name != "dq" or layout.has_rates:
-            check_finite(name, getattr(message, name))
 
 
 def is_unknown(message: msg.RobotState) -> bool:

@@ -8,8 +8,8 @@ another stone's preview is known, see `newest_preview`. A task's parameters are 
 import math
 
 from cbf_clf_qp.functions import Array
-from rabbit_common.message_checks import Refused, check_turn
-from rabbit_common.ros.conversions import Announcements, check_state, is_unknown, nanoseconds, other_tick, preview_of
+from rabbit_common.message_checks import Refused, check_state, check_turn
+from rabbit_common.ros.conversions import Announcements, is_unknown, nanoseconds, other_tick, preview_of
 from rabbit_common.task_messages import parameters_of
 from rabbit_description.state import LAYOUT, TICK_SECONDS, RobotState, StonePreview, newest_preview
 from rabbit_description.task import ControlTask
