@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 from ament_index_python.packages import get_package_share_directory
+from rabbit_common.task_messages import measured_fields
 from rabbit_description.gait import load_gait
 from rabbit_description.state import LAYOUT, TICK_SECONDS
-from rabbit_recording.bag_writer import BagWriter, graph_types
+from rabbit_recording.bag_writer import BagWriter, graph_types, offered
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Landing, Simulation
 from rl_cbf_clf_controller.controller import Controller
@@ -21,24 +22,12 @@ from rl_cbf_clf_controller.message_fields import state_fields, terms_fields
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_trainer.rollout import Record, rollout
-from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 
 DRAWS = pytest.mark.skipif(not entry_points(group="rabbit.pictures"), reason="rabbit_viewer, which draws, is not there")
 MESSAGES = Path(get_package_share_directory("rabbit_msgs"))
 TYPES = graph_types([MESSAGES])
 TICK_NS, SEED = 10_000_000, 3
-NEVER = QosTime(0, 0)
-LATCHED = Qos(
-    QosHistory.KEEP_LAST,
-    20,
-    QosReliability.RELIABLE,
-    QosDurability.TRANSIENT_LOCAL,
-    NEVER,
-    NEVER,
-    QosLiveliness.AUTOMATIC,
-    NEVER,
-    False,
-)
+LATCHED = offered(20, "TRANSIENT_LOCAL")
 TOPICS = {
     "state": "RobotState",
     "preview": "StonePreview",
@@ -154,14 +143,10 @@ def state_message(state: Any) -> Any:
     return message(
         "state",
         state.tick,
-        q=np.array(state.q),
-        dq=np.array(state.dq),
+        **measured_fields(state),
         foot_force=np.array(state.foot_force).ravel(),
         contact=np.array(state.contact, dtype=bool),
-        applied=np.array(state.applied),
-        touchdowns=state.touchdowns,
         previewed=state.preview is not None,
-        running=state.running,
     )
 
 

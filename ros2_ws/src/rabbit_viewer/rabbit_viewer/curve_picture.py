@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rabbit_viewer.panels import Panel, draw_panels
+from rabbit_viewer.panels import LINEAR, Panel, draw_panels
 
 CURVE, PICTURE = "curve.csv", "curve.png"
 PANELS = {"episode/steps": "steps", "reward/": "mean reward (1)", "losses/": "mean loss (1)"}
@@ -20,6 +20,6 @@ def draw_curve(folder: Path) -> Path:
     for prefix, title in PANELS.items():
         names = [name for name in rows[0] if name.startswith(prefix)]
         curves = {name.partition("/")[2]: np.array([float(row[name] or "nan") for row in rows]) for name in names}
-        panels.append(Panel(title, curves, **({"scale": LOSSES} if prefix == "losses/" else {})))
+        panels.append(Panel(title, curves, scale=LOSSES if prefix == "losses/" else LINEAR))
     episodes = np.array([int(row["episode"]) + 1 for row in rows])
     return draw_panels(panels, episodes, folder / PICTURE, xlabel="episode", line=".-")

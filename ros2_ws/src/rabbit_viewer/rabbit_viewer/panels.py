@@ -12,6 +12,7 @@ from rabbit_description.state import Array
 from rabbit_viewer import style
 
 COLOURS = (style.BLUE, style.ORANGE, style.GREEN, style.PURPLE, style.SKY)
+LINEAR: dict[str, Any] = {"value": "linear"}
 LOG: dict[str, Any] = {"value": "log"}
 
 
@@ -22,7 +23,7 @@ class Panel:
     title: str
     curves: Mapping[str, Array]
     limits: Sequence[float] = ()
-    scale: Mapping[str, Any] = field(default_factory=lambda: {"value": "linear"})
+    scale: Mapping[str, Any] = field(default_factory=lambda: LINEAR)
     ends: tuple[float, float] | None = None  # of what is shown
 
 

@@ -15,7 +15,7 @@ from rl_trainer.task_episode import Ride
 
 from rabbit_viewer import style
 from rabbit_viewer.page.ride import RideRows, pictured
-from rabbit_viewer.panels import COLOURS, LOG, Panel, draw_panels
+from rabbit_viewer.panels import COLOURS, LINEAR, LOG, Panel, draw_panels
 from rabbit_viewer.video import FRAME_RATE, encode
 
 FILM_INCHES, FILM_DPI, FILM_SECONDS = 6.4, 100, 12.0
@@ -57,8 +57,7 @@ def draw_rows(ride: Ride, path: Path) -> Path:
     for panel in maker.panels(ride.has_qp):
         if panel["columns"] and "of" not in panel:
             curves = {re.sub("^(u|x|slack)_", "", name): values[name] for name in panel["columns"]}
-            scale = {"scale": LOG} if panel.get("log") else {}
-            panels.append(Panel(panel["title"], curves, panel.get("limits", ()), **scale))
+            panels.append(Panel(panel["title"], curves, panel.get("limits", ()), LOG if panel.get("log") else LINEAR))
     return draw_panels(panels, np.array([moment.output.step_time for moment in ride.moments]), path, ride.title)
 
 
