@@ -26,17 +26,18 @@ A tick is one function of rows of numbers, `estimate_state`, from memory, sensor
 report. What is below `begun` is its expressions: m, s, p are memory, sensors and parameters by name.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import cache
 from itertools import accumulate, pairwise
 from math import factorial, sqrt
+from threading import local
 from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
 import numpy as np
-from cbf_clf_qp.functions import Layout, NumpyFunction, is_finite, one_at_a_time, symmetric
+from cbf_clf_qp.functions import Layout, NumpyFunction, Place, is_finite, one_at_a_time, symmetric
 from rabbit_description.planar_urdf import SLIDES
 from rabbit_description.state import FEET, JOINTS, LEG_JOINTS, TICK_SECONDS, Array, BodySensors, RobotState
 
@@ -91,7 +92,7 @@ class ContactAidedFilter:
     """One robot's state, tick by tick: `update` takes what its sensors say and fills in `q` and `dq`.
 
     `settings`: the parameters as a row. `found`: what `estimate_state` gave of the last tick, from `tick`, -1 before
-    the first, to `refused`. One thread at a time uses filters.
+    the first, to `refused`. One filter serves one thread.
     """
 
     def __init__(self, parameters: EstimatorParameters) -> None:
@@ -135,14 +136,30 @@ def sensors_row(state: RobotState, sensors: BodySensors) -> Array:
     return np.hstack([state.tick, state.foot_force.ravel(), state.contact, *said])
 
 
-@cache
-@one_at_a_time
+class OfThread(local):
+    """What a thread computes with: `estimate_state`, once it is made."""
+
+    function: NumpyFunction | None = None
+
+
+of_thread = OfThread()
+
+
 def estimate_state() -> NumpyFunction:
     """The function of `MEMORY`, `SENSORS` and `SETTINGS` that gives `MEMORY` after the tick, `q`, `dq` and a report.
 
     The report is `nis`, the normalised innovation squared, of so many numbers `measured`, and `refused`: 0, or why the
-    tick does not count. Tick 0 begins an episode.
+    tick does not count. Tick 0 begins an episode. Each thread has one of its own.
     """
+    if of_thread.function is None:
+        of_thread.function = NumpyFunction(*estimation())
+    return of_thread.function
+
+
+@cache
+@one_at_a_time
+def estimation() -> tuple[ca.Function, Mapping[str, Place]]:
+    """`estimate_state` and the places of its outputs."""
     rows = {"memory": MEMORY, "sensors": SENSORS, "settings": SETTINGS}
     symbols = {name: ca.SX.sym(name, layout.size) for name, layout in rows.items()}
     named = [SimpleNamespace(**layout.parts(symbols[name])) for name, layout in rows.items()]
@@ -150,7 +167,7 @@ def estimate_state() -> NumpyFunction:
     either = ca.Function.if_else("either", begin.function, go_on.function)
     given = [ca.MX.sym(name, layout.size) for name, layout in rows.items()]
     found = either(SENSORS.parts(given[1])["tick"] == 0, *given)
-    return NumpyFunction(ca.Function("estimate_state", given, [found], [*rows], ["values"]), begin.places)
+    return ca.Function("estimate_state", given, [found], [*rows], ["values"]), begin.places
 
 
 def begun(_: Any, s: Any, p: Any) -> dict[str, Any]:

@@ -1,5 +1,7 @@
 """The filter on motions that are known exactly; kinematics of a leg."""
 
+import sys
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import casadi as ca
@@ -45,6 +47,27 @@ def test_a_robot_that_stands_still_is_known_at_once_and_stays():
     hip = -stands_at(PITCH, JOINTS)
     assert estimate.q == pytest.approx([*hip, PITCH, *JOINTS], abs=1e-6)
     assert estimate.dq == pytest.approx(np.zeros(7), abs=1e-6)
+
+
+def test_filters_of_several_threads_know_nothing_of_each_other():
+    """Each robot stands at a pitch of its own, and is found there."""
+
+    def hip_of(pitch):
+        estimator, rest = ContactAidedFilter(EstimatorParameters()), np.array([-G * np.sin(pitch), G * np.cos(pitch)])
+        for tick in range(1000):
+            force = np.full(2, np.nan) if tick == 0 else rest
+            found = estimator.update(state(tick, specific_force=force, orientation=orientation_of(pitch)))
+        return found.q[:3]
+
+    pitches, usual = [-0.2, 0.0, 0.1, 0.3], sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        with ThreadPoolExecutor(len(pitches)) as pool:
+            found = [*pool.map(hip_of, pitches)]
+    finally:
+        sys.setswitchinterval(usual)
+    for hip, pitch in zip(found, pitches, strict=True):
+        assert hip == pytest.approx([*-stands_at(pitch, JOINTS), pitch], abs=1e-6)
 
 
 def test_a_robot_in_free_fall_falls():
