@@ -39,7 +39,7 @@ walk: build ## RABBIT walks over 20 stepping stones through the nodes; then, in 
 	@$(WITH_WORKSPACE) rabbit walk $(ARGS)
 	@$(if $(ARGS),,$(WITH_WORKSPACE) for each in nominal_tuned best; do \
 	  echo "three times the mass, --parameters $$each:" && \
-	  rabbit evaluate --parameters $$each --mass-scale 3 --runs 4 --overwrite --out runs/three-times-$$each || exit; done)
+	  rabbit evaluate --parameters $$each --mass-scale 3 --runs 4 --out runs/three-times-$$each || exit; done)
 
 test: build tools ## what to run before a pull request: analytic, physical, closed-loop, ROS; 90 % coverage of the maths
 	@$(WITH_WORKSPACE) export OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 PYTEST_DISABLE_PLUGIN_AUTOLOAD=1 && \

@@ -68,8 +68,8 @@ def test_programs_that_a_page_shows_are_what_runs() -> None:
 
 
 def command_lines() -> list[str]:
-    """Each `rabbit ...` that stands on a line of its own in a code block of a page, with the lines that go on."""
-    found: set[str] = set()
+    """Each `rabbit ...` of the Makefile, and on a line of its own in a page's code, with the lines that go on."""
+    found = set(re.findall(r"^\t.*?(rabbit .*)$", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
     for path in PAGES:
         if not name_of(path).startswith(("studies/docs/history/", "qa/docs/history/", "CHANGELOG")):
             text = path.read_text(encoding="utf-8").replace("\\\n", " ")
