@@ -37,7 +37,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from cbf_clf_qp.functions import Layout, NumpyFunction, Place, is_finite, one_at_a_time, symmetric
+from cbf_clf_qp.functions import Layout, NumpyFunction, Place, building, is_finite, one_at_a_time, symmetric
 from rabbit_description.planar_urdf import SLIDES
 from rabbit_description.state import FEET, JOINTS, LEG_JOINTS, TICK_SECONDS, Array, BodySensors, RobotState
 
@@ -152,7 +152,8 @@ def estimate_state() -> NumpyFunction:
     tick does not count. Tick 0 begins an episode. Each thread has one of its own.
     """
     if of_thread.function is None:
-        of_thread.function = NumpyFunction(*estimation())
+        with building():
+            of_thread.function = NumpyFunction(*estimation())
     return of_thread.function
 
 

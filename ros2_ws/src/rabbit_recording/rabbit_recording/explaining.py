@@ -82,21 +82,24 @@ def explain_walk(
     answered = f"policy {output.policy_version}, answered by {output.solver}{noise}"
     changed = ["it is the first"]
     if before:
-        told = [*what_changed(moments[tick - 1], moments[tick], is_set), *changes(before, now)]
-        changed = told or ["no row, no leg, no contact changed"]
+        changed = [*what_changed(moments[tick - 1], moments[tick]), *["parameters changed"] * is_set]
+        changed = [*changed, *changes(before, now)] or ["no row, no leg, no contact changed"]
     return ExplainedTick(title, answered, now, changed, WORDS, INPUTS)
 
 
-def what_changed(was: Record, now: Record, is_set: bool) -> list[str]:
-    """What is another in RABBIT's tick than in the one before, but for the rows."""
-    feet = [
+def what_changed(was: Record, now: Record) -> list[str]:
+    """The contacts, stance leg, policy and stone that differ between two of RABBIT's ticks, in words."""
+    changed = [
         f"the {LEGS[leg]} foot {'touches' if now.state.contact[leg] else 'leaves'} the ground"
         for leg in np.flatnonzero(was.state.contact != now.state.contact)
     ]
-    told = [f"the robot stands on the {LEGS[now.output.stance]} leg"] * (was.output.stance != now.output.stance)
-    told += [f"policy {now.output.policy_version}"] * (was.output.policy_version != now.output.policy_version)
-    told += ["another stone is seen"] * (was.state.preview != now.state.preview)
-    return [*feet, *told, *["parameters changed"] * is_set]
+    if was.output.stance != now.output.stance:
+        changed.append(f"the robot stands on the {LEGS[now.output.stance]} leg")
+    if was.output.policy_version != now.output.policy_version:
+        changed.append(f"policy {now.output.policy_version}")
+    if was.state.preview != now.state.preview:
+        changed.append("another stone is seen")
+    return changed
 
 
 def worst_of(records: Mapping[int, Record]) -> int:
@@ -131,8 +134,8 @@ def explain_tick(path: Path, tick: int | None = None, number: int | None = None)
                 decided = controller.estimates, controller.decided
                 moments[k] = Moment(record.state, record.output, scene.x, scene.p, *decided)
         is_set = tick in [settings.tick for settings in episode.settings]
-        told = f"episode {episode.number}", controller.qp, moments, tick, records
-        return explain_walk(*told, episode.tick_seconds, is_set)
+        of, seconds = f"episode {episode.number}", episode.tick_seconds
+        return explain_walk(of, controller.qp, moments, tick, records, seconds, is_set)
 
 
 def explain_ride(ride: Ride, tick: int | None = None) -> ExplainedTick:

@@ -34,8 +34,9 @@ class Stone(Checked):
     @model_validator(mode="before")
     @classmethod
     def _has_usual_width(cls, row: Any, info: ValidationInfo) -> Any:
-        if info.context and isinstance(row, dict) and isinstance(l_min := row.get("l_min"), float):
-            return {"l_max": l_min + info.context[WIDTH], **row}
+        l_min = row.get("l_min") if isinstance(row, dict) else None
+        if info.context and isinstance(l_min, float) and row.get("l_max") is None:
+            return {**row, "l_max": l_min + info.context[WIDTH]}
         return row
 
     @model_validator(mode="after")

@@ -27,9 +27,9 @@ def draw(walk: WalkRecords, out: Path, suffix: str = ".png") -> list[Path]:
     with style.look():
         robot = [draw_walk(walk, out / f"walk{suffix}"), draw_swing_foot(walk, out / f"swing_foot{suffix}")]
     of = {"rows": panels(walk)} | ({"quantities": quantity_panels(walk)} if np.isfinite(walk.measured).any() else {})
-    title, xlabel = str(walk.about.get("title", "")), "time (s); grey: 30 ms after an impact"
-    look = title, xlabel, walk.step_starts[1:].tolist(), IMPACT
-    return robot + [draw_panels(shown, walk.time, out / f"{name}{suffix}", *look) for name, shown in of.items()]
+    look: Any = {"title": str(walk.about.get("title", "")), "xlabel": "time (s); grey: 30 ms after an impact"}
+    look |= {"starts": walk.step_starts[1:].tolist(), "shaded": IMPACT}
+    return robot + [draw_panels(shown, walk.time, out / f"{name}{suffix}", **look) for name, shown in of.items()]
 
 
 def draw_walk(walk: WalkRecords, path: Path) -> Path:

@@ -33,7 +33,7 @@ class PlayOptions(Checked):
     policy: str | None = Field(None, description="policy of your robot: a shipped policy, a file, zero or oracle")
     parameters: str = Field("ours", description="controller parameters of your robot: a file's name or path")
     first: Choice | None = Field(None, description="first robot (default: best, or yours if a controller is given)")
-    second: OtherChoice | None = Field(None, description="robot beside it (default: tuned)")
+    second: OtherChoice | None = Field(None, description="second robot, on the same course (default: tuned)")
     seed: int = Field(SEED, ge=0, le=2**31 - 1, description="seed of course, first state and noise")
 
 
