@@ -1,7 +1,7 @@
 """What a cluster costs and saves.
 
 python scripts/cluster_cost.py                    # ms a run of 1,000 that do nothing, here and by a scheduler
-python scripts/cluster_cost.py FOLDER OUT.csv     # the queue of the map's walks, simulated from how long they took
+python scripts/cluster_cost.py MUJOCO PYBULLET OUT.csv  # the queue of the map's walks, from how long they took
 """
 
 import csv
@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Literal
 
 from pydantic import RootModel
 from rabbit_benchmark.cells import cells
@@ -47,23 +48,24 @@ def queue(seconds: Mapping[Job, float], repeated: int, cores: int) -> tuple[floa
     return max(free) / 3600, sum(jobs) / (cores * max(free))
 
 
-def walked(folder: Path) -> tuple[dict[Job, float], int]:
+def walked(folder: Path, plant: Literal["mujoco", "pybullet"]) -> tuple[dict[Job, float], int]:
     """Seconds of the walks of a benchmark in a folder, and how often the map has each."""
     table = Table.read(folder / "benchmark.csv")
     courses = min(row.courses for row in table.rows.values() if row.courses)
-    protocol = Protocol(courses, "reported", plant="mujoco" if folder.name == "mujoco" else "pybullet")
+    protocol = Protocol(courses, "reported", plant=plant)
     planned = plan(protocol, [method(name) for name in table.methods], [cells()[name] for name in table.cells])
     cache, known = Cache(folder / "cache"), [jobs for jobs in planned.values() if not isinstance(jobs, str)]
     return {job: cache.get(job).row.walk_seconds for jobs in known for job in jobs}, COURSES // courses
 
 
-def simulate(folder: Path, out: Path) -> None:
+def simulate(mujoco: Path, pybullet: Path, out: Path) -> None:
     """A row for each engine and number of cores."""
+    folders: dict[Literal["mujoco", "pybullet"], Path] = {"mujoco": mujoco, "pybullet": pybullet}
     with out.open("w", encoding="utf-8", newline="") as file:
         table = csv.writer(file)
         table.writerow(("plant", "walks", "cores", "hours", "busy"))
-        for plant in ("mujoco", "pybullet"):
-            seconds, repeated = walked(folder / plant)
+        for plant, folder in folders.items():
+            seconds, repeated = walked(folder, plant)
             for cores in CORES:
                 hours, busy = queue(seconds, repeated, cores)
                 table.writerow((plant, len(seconds) * repeated, cores, f"{hours:.3f}", f"{busy:.2f}"))
