@@ -67,38 +67,25 @@ class Actor:
         self.weights = np.concatenate([layer.ravel() for layer in weights], dtype=np.float32)
         self.biases = np.concatenate(biases, dtype=float)
         self.sizes = np.array([len(weights[0]), *map(len, biases)])
-        self._inputs, self.outputs = len(weights[0]), len(biases[-1])
+        self.inputs, self.outputs = len(weights[0]), len(biases[-1])
         self.widest, self.units = int(self.sizes[:-1].max()), int(self.sizes[1:].sum())
-        self._layers = self.sizes.ctypes.data, self.widest, self.weights.ctypes.data, self.biases.ctypes.data
-        self._bind(1)
+        self._rows = ActorRows(self, 1)
 
     def __reduce__(self) -> tuple[Any, ...]:  # a copy has its own addresses
         return Actor, (self._arrays,)
 
-    def _bind(self, n: int) -> None:
-        """Memory for so many rows."""
-        self._x, memory = np.empty((n, self._inputs)), np.empty(self.widest + n * self.units)
-        self._y = memory[memory.size - n * self.outputs :].reshape(n, self.outputs)
-        self._given = n, *self._layers, self._x.ctypes.data, memory.ctypes.data
-
     def __call__(self, scaled: NDArray[Any]) -> NDArray[np.float64]:
         *many, inputs = scaled.shape
-        if inputs != self._inputs:
-            raise ValueError(f"observations have {inputs} numbers; expected {self._inputs}")
+        if inputs != self.inputs:
+            raise ValueError(f"observations have {inputs} numbers; expected {self.inputs}")
         n = scaled.size // inputs
-        if n != len(self._x):
-            self._bind(n)
-        self._x[...] = scaled.reshape(n, inputs)
-        NETWORK.count(n)
-        if NETWORK.forward:
-            NETWORK.forward(*self._given)
-        else:
-            with np.errstate(all="ignore"):  # as in C
-                for x, y in zip(self._x, self._y, strict=True):
-                    y[:] = [*map(tanh, self._in_numpy(x).tolist())]
-        return self._y.reshape(*many, self.outputs).copy()
+        if n != len(self._rows.x):
+            self._rows = ActorRows(self, n)
+        self._rows.x[...] = scaled.reshape(n, inputs)
+        return self._rows().reshape(*many, self.outputs).copy()
 
-    def _in_numpy(self, y: NDArray[Any]) -> NDArray[Any]:
+    def in_numpy(self, y: NDArray[Any]) -> NDArray[Any]:
+        """Of one observation, before tanh."""
         at = bias_at = 0
         for layer, (inputs, outputs) in enumerate(zip(self.sizes[:-1], self.sizes[1:], strict=True)):
             if layer:
@@ -111,3 +98,24 @@ class Actor:
             y = np.add.reduce(terms, axis=0)[:-1]
             at, bias_at = at + inputs * outputs, bias_at + outputs
         return y
+
+
+class ActorRows:
+    """An actor bound to `n` observations `x` (n, m): a call computes their outputs anew, (n, outputs)."""
+
+    def __init__(self, actor: Actor, n: int) -> None:
+        self._actor, self.x, memory = actor, np.empty((n, actor.inputs)), np.empty(actor.widest + n * actor.units)
+        self.y = memory[memory.size - n * actor.outputs :].reshape(n, actor.outputs)
+        layers = actor.sizes.ctypes.data, actor.widest, actor.weights.ctypes.data, actor.biases.ctypes.data
+        self._given = n, *layers, self.x.ctypes.data, memory.ctypes.data
+        self._memory = memory
+
+    def __call__(self) -> NDArray[np.float64]:
+        NETWORK.count(len(self.x))
+        if NETWORK.forward:
+            NETWORK.forward(*self._given)
+        else:
+            with np.errstate(all="ignore"):  # as in C
+                for x, y in zip(self.x, self.y, strict=True):
+                    y[:] = [*map(tanh, self._actor.in_numpy(x).tolist())]
+        return self.y

@@ -14,16 +14,16 @@ all that a controller without barriers and force rows has a use for.
 """
 
 from abc import ABC, abstractmethod
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import casadi as ca
 import numpy as np
-from cbf_clf_qp.batch_functions import BatchFunction
+from cbf_clf_qp.batch_functions import Bound
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import NumpyFunction, Values, row_by_row
 from rabbit_description.state import Array
 
-from rl_cbf_clf_controller.network import Actor
+from rl_cbf_clf_controller.network import Actor, ActorRows
 from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.scene import Scene
 from rl_cbf_clf_controller.weights import PolicyFile
@@ -95,8 +95,14 @@ class ActorPolicy(LearnedPolicy):
         self.is_structured = form.structured
         self.scales = np.array(form.alpha_scale), np.array(form.beta_scale)
         self.estimates = estimate_function(len(form.names), form.m, form.structured, "V" in form.names)
-        self._of_many = BatchFunction(self.estimates)
         self.actor = Actor(file.arrays)
+        self._bind(1)
+
+    def _bind(self, n: int) -> None:
+        """Arrays of `n` robots."""
+        self._network, self._LgV = ActorRows(self.actor, n), np.zeros((n, self.file.metadata.m))
+        scales = (np.tile(scale, (n, 1)) for scale in self.scales)
+        self._estimates = Bound(self.estimates, self._network.y, self._LgV, *scales)
 
     def act(self, observation: Array, LgV: Array) -> Estimates:
         """Alpha and beta of every quantity. A network without `l_min` reads the first 14 observations.
@@ -104,7 +110,7 @@ class ActorPolicy(LearnedPolicy):
         Raises:
             ValueError: it reads the step length of a gait library, and there is none.
         """
-        return self._estimates_of(self._values(self.estimates, observation, LgV))
+        return self._estimates_of(self.values_of_many(observation[None], LgV[None])[0])
 
     def act_of_many(self, observations: Array, LgV: Array) -> Estimates:
         """The same for N robots, to the bit."""
@@ -112,18 +118,20 @@ class ActorPolicy(LearnedPolicy):
 
     def values_of_many(self, observations: Array, LgV: Array) -> Values:
         """The same as rows: alpha, beta, and of a structured policy the output error."""
-        return self._values(self._of_many, observations, LgV)
+        n, size = len(observations), self.center.size
+        if observations.shape[1] < size:
+            read = self.file.metadata.observation[-1]
+            raise ValueError(f"policy {self.version} reads {read}: expected a gait library")
+        if n != len(self._LgV):
+            self._bind(n)
+        np.subtract(observations[:, :size], self.center, out=self._network.x)
+        self._network.x *= self.inverse_scale
+        self._LgV[...] = LgV
+        self._network()
+        return self.estimates.values(self._estimates().copy())
 
     def _estimates_of(self, values: Values) -> Estimates:
         return Estimates(values.alpha, values.beta, values.output_error if self.is_structured else None)
-
-    def _values(self, estimates: Any, observation: Array, LgV: Array) -> Values:
-        size = self.center.size
-        if observation.shape[-1] < size:
-            read = self.file.metadata.observation[-1]
-            raise ValueError(f"policy {self.version} reads {read}: expected a gait library")
-        outputs = self.actor((observation[..., :size] - self.center) * self.inverse_scale)
-        return estimates(outputs, LgV, *self.scales)
 
 
 def estimate_function(n: int, m: int, structured: bool, has_clf: bool) -> NumpyFunction:
