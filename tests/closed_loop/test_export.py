@@ -12,7 +12,7 @@ import pytest
 from rabbit_description.task_source import load_task
 from rabbit_estimator.contact_aided_filter import sensors_row
 from rabbit_experiments.assembly import Assembly, exported_estimator, resolve_policy
-from rabbit_sim.c_example import write_example
+from rabbit_sim.c_example import ExampleError, check_plant, write_example
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.export import ExportError, export, export_ride
 from rl_cbf_clf_controller.kinds import NAMES
@@ -111,6 +111,15 @@ def test_a_call_says_what_is_wrong_and_a_tick_calls_nothing_that_waits(tmp_path:
     assert code(3, READING_STONE=7.0) == 3
     assert code(3, SETTINGS_EPS=np.nan) == 5
     assert code(4, READING_TOUCHDOWNS=2.0) == 3
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("motor_lag", 0.02), ("push", 5.0), ("friction_spread", 0.2), ("loose_stone", 1)]
+)
+def test_a_plant_that_the_example_lacks_is_refused(name: str, value: float) -> None:
+    check_plant(SimulationParameters(plant="mujoco", payload=10.0, ground_friction=0.8, sensors="lab"))
+    with pytest.raises(ExampleError, match=f"{name} = {value}: expected "):
+        check_plant(SimulationParameters(**{"plant": "mujoco", name: value}))
 
 
 def test_what_is_python_is_refused(tmp_path: Path) -> None:

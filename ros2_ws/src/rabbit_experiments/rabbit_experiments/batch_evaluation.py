@@ -30,9 +30,11 @@ class Run:
 
 
 def walk_together(
-    assemblies: Sequence[Assembly], numbers: Sequence[int], seeds: Sequence[int]
+    one: Controller, assemblies: Sequence[Assembly], numbers: Sequence[int], seeds: Sequence[int]
 ) -> Iterator[tuple[int, RunResult]]:
-    """Walks of assemblies that differ in their plants alone; `numbers` of the runs, `seeds` of the episodes.
+    """Walks under copies of `one`, of assemblies that differ in their plants alone.
+
+    `numbers` of the runs, `seeds` of the episodes.
 
     Yields place and result of a run as it ends. Raises ValueError for a plant that is not MuJoCo's.
     """
@@ -40,9 +42,7 @@ def walk_together(
 
     first, gait = assemblies[0], load_gaits(assemblies[0].controller.gait)
     simulation = BatchSimulation([make_simulation(assembly.simulation, gait) for assembly in assemblies])
-    policy = first.make_policy()
-    policies = [assembly.make_policy() if first.policy == "oracle" else policy for assembly in assemblies]
-    one = Controller(first.controller, gait, policy)
+    policies = [assembly.make_policy() if first.policy == "oracle" else one.policy for assembly in assemblies]
     controller = BatchController(one, policies)
     runs = list(map(Run, range(len(seeds)), numbers, seeds, assemblies))
     states = simulation.reset(seeds)

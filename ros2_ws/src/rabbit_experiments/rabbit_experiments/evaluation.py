@@ -147,7 +147,9 @@ class Walk(SeededRun):
     @classmethod
     def do_together(cls, jobs: Sequence["Walk"]) -> Iterator[tuple["Walk", RunResult]]:
         assemblies, numbers, seeds = zip(*((job.assembly, job.run, job.seed) for job in jobs), strict=True)
-        return ((jobs[place], result) for place, result in walk_together(assemblies, numbers, seeds))
+        with parts(assemblies[0]) as (_, controller):
+            for place, result in walk_together(controller, assemblies, numbers, seeds):
+                yield jobs[place], result
 
 
 @dataclass(frozen=True)

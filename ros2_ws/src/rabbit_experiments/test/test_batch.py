@@ -122,7 +122,7 @@ def test_every_tick_is_that_of_the_walk_alone(name: str, tuning: dict[str, Any],
 
 def test_a_run_in_a_batch_leaves_the_row_of_the_run_alone() -> None:
     made = assemblies(plants=PLANTS[:5], controller="rl-cbf-clf-qp", qp_solver="daqp")
-    together = dict(walk_together(made, range(5), SEEDS[:5]))
+    together = dict(walk_together(made[0].make_controller(), made, range(5), SEEDS[:5]))
     for i, assembly in enumerate(made):
         expected = walk(assembly, i, SEEDS[i])
         rows = [each.row.model_dump(exclude=TIMES) for each in (together[i], expected)]

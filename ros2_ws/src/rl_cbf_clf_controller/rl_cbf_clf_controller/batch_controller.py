@@ -4,7 +4,6 @@ A tick is `step.py`; here are the rows of numbers that it reads and leaves, the 
 """
 
 from collections.abc import Sequence
-from dataclasses import astuple
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
@@ -26,7 +25,7 @@ from rl_cbf_clf_controller.step_rows import StepRows
 if TYPE_CHECKING:
     from rl_cbf_clf_controller.parameters import ControllerParameters
 
-NO_STONE = astuple(StonePreview(0, np.nan, np.nan, np.nan))
+NO_STONE = StonePreview(0, np.nan, np.nan, np.nan)
 # of a memory: what is known since the step began
 BEGUN = "stance", "index", "start", "seconds", "has_begun", "path", "phase_scale", "steps", "place", "moved", "carries"
 
@@ -207,7 +206,8 @@ class BatchController:
         for i, stone in enumerate([states.preview] if isinstance(states, RobotState) else states.previews):
             if stone is not self._previews[i]:
                 self._previews[i] = stone
-                row["stone"][i] = NO_STONE if stone is None else astuple(stone)
+                seen = stone or NO_STONE
+                row["stone"][i] = seen.index, seen.l_min, seen.l_max, seen.height
 
     def _keep(self, seen: Array, stood: Array, robots: list[int]) -> None:
         """Of what is seen, what a second look at the same tick must know."""

@@ -41,10 +41,12 @@ def export(
 
     request = given.build(ExportOptions)
     assembly = given_assembly(given, request.policy, request.parameters, oracle=False)
-    from rabbit_sim.c_example import write_example
+    from rabbit_sim.c_example import ExampleError, check_plant, write_example
     from rl_cbf_clf_controller.export import ExportError
     from rl_cbf_clf_controller.export import export as write
 
+    with complaints(ExampleError):
+        check_plant(assembly.simulation)
     simulation, controller = assembly.build()
     own_folder(folder, "export")
     with complaints(ExportError), TemporaryDirectory() as temporary:

@@ -11,12 +11,17 @@ from rabbit_description.state import Array, BodySensors
 
 from rabbit_sim.engine_plant import STONE_DEPTH
 from rabbit_sim.kinematics import LINK_LENGTH
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.perturbations.motors import Saturation
 from rabbit_sim.perturbations.sensors import ENCODER_STEP, Laboratory
 from rabbit_sim.plant import CLEAR_HEIGHT, CONTACT_FORCE, FOOT_RADIUS, gravity
 from rabbit_sim.simulation import Simulation, flight_ticks
 
 SOURCE = Path(__file__).with_name("example.c")
 TICKS_A_STONE = 100  # in which the walk may reach it
+HOOKS = "drive", "transmitted", "joint_torque", "force", "drop", "measure"  # which the program lacks
+WALKED = Saturation, Laboratory  # the controller's limit is the motors'
+OTHERS = "friction_spread", "sensor_delay", "swing_payload", "sliding_payload"  # of whom all else is walked
 NOISES = 4  # a tick: of the gyro's integral, two of the accelerometer, of the gyro
 RULE = """# ./example --bench times a tick; MUJOCO: a folder with include/ and the library
 MUJOCO = {mujoco}
@@ -26,8 +31,24 @@ example: example.c course.h controller.h controller.o $(DAQP)
 """
 
 
+class ExampleError(ValueError):
+    """A plant that the program does not have."""
+
+
+def check_plant(parameters: SimulationParameters) -> None:
+    """It may have other masses, links, ground and the lab's sensors; raises ExampleError for all else."""
+    if parameters.plant != "mujoco":
+        raise ExampleError(f"plant = {parameters.plant}: expected mujoco, in which the example walks")
+    acting = [p for p in parameters.in_force() if any(map(p.has, HOOKS)) and not isinstance(p, WALKED)]
+    for name in [*(name for p in acting for name in type(p).model_fields), *OTHERS]:
+        value, usual = getattr(parameters, name), SimulationParameters.model_fields[name].default
+        if value != usual and (name, parameters.sensors) != ("encoder_resolution", "lab"):
+            raise ExampleError(f"{name} = {value}: expected {usual}, as the example's plant has it")
+
+
 def write_example(folder: Path, simulation: Simulation, seed: int) -> None:
-    """The program, its plant and the course of this seed, of a MuJoCo plant without further perturbations."""
+    """The program, its plant and the course of this seed; raises ExampleError, see `check_plant`."""
+    check_plant(simulation.parameters)
     first = simulation.reset(seed)
     mujoco.mj_saveModel(simulation.plant.model, str(folder / "model.mjb"))  # type: ignore[attr-defined]
     numbers: dict[str, Any] = {"STONES": simulation.parameters.stones}
