@@ -63,7 +63,11 @@ class Assembly:
 
         Raises `GaitError`, `CourseError`, `PolicyFileError`.
         """
-        return make_simulation(self.simulation, load_gaits(self.controller.gait)), self.make_controller(further)
+        return self.make_simulation(), self.make_controller(further)
+
+    def make_simulation(self) -> Simulation:
+        """The plant of `build` alone."""
+        return make_simulation(self.simulation, load_gaits(self.controller.gait))
 
     def make_controller(self, further: Further = nothing_further) -> Controller:
         """The controller of `build` alone."""

@@ -6,7 +6,7 @@ they began, so a run does not depend on its process or on the runs before it. A 
 
 import atexit
 import time
-from collections.abc import Hashable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -48,32 +48,42 @@ def episode_seeds(seed: int, runs: int) -> dict[int, int]:
     return {run: int(child.generate_state(1)[0]) for run, child in enumerate(children)}
 
 
-_kept: list[tuple[Assembly, dict[str, str], Simulation, Controller]] = []  # one at most
+_kept: dict[str, tuple[Any, Any]] = {}  # `plant` and `controller` of the last run: what each was made of, and it
 
 
 @contextmanager
 def parts(assembly: Assembly) -> Iterator[tuple[Simulation, Controller]]:
-    """Plant and controller to reset and walk with; those of the last run if that was of this assembly and its files."""
+    """Plant and controller to reset and walk with; those of the last run that were made of the same, and its files."""
     files = named_files(plain(assembly))
-    if _kept and _kept[0][:2] == (assembly, files):
-        *_, simulation, controller = _kept.pop()
-    else:
-        forget_parts()
-        simulation, controller = assembly.build()
+    plant = assembly.simulation, assembly.controller.gait, files
+    others = {**vars(assembly), "simulation": assembly.simulation if assembly.policy == "oracle" else None}
+    controlled = type(assembly), others, files
+    controller = _kept_or("controller", controlled, assembly.make_controller)
+    simulation = _kept_or("plant", plant, assembly.make_simulation)
     try:
         yield simulation, controller
     except BaseException:
         simulation.close()
         raise
     forget_parts()  # of a run within this one
-    _kept.append((assembly, files, simulation, controller))
+    _kept.update(plant=(plant, simulation), controller=(controlled, controller))
+
+
+def _kept_or(name: str, of: Any, make: Callable[[], Any]) -> Any:
+    """The part that is kept, if it was made of the same; else it is forgotten, and another one made."""
+    if name in _kept and _kept[name][0] == of:
+        return _kept.pop(name)[1]
+    if name == "plant":
+        forget_parts()
+    return make()
 
 
 @atexit.register
 def forget_parts() -> None:
     """Close what is kept for the next run."""
-    while _kept:
-        _kept.pop()[2].close()
+    if "plant" in _kept:
+        _kept["plant"][1].close()
+    _kept.clear()
 
 
 def walk(assembly: Assembly, run: int, seed: int, *observers: Observer) -> RunResult:

@@ -16,7 +16,7 @@ from rabbit_description.robot_states import RobotStates
 from rabbit_description.state import StonePreview
 from rabbit_experiments.assembly import Assembly, make_simulation, resolve_policy
 from rabbit_experiments.batch_evaluation import walk_together
-from rabbit_experiments.evaluation import walk
+from rabbit_experiments.evaluation import forget_parts, walk
 from rabbit_experiments.vector_environment import LearnerUnits, VectorWalkingEnv
 from rabbit_sim.batch_simulation import BatchSimulation
 from rabbit_sim.parameters import SimulationParameters
@@ -129,6 +129,20 @@ def test_a_run_in_a_batch_leaves_the_row_of_the_run_alone() -> None:
         assert repr(rows[0]) == repr(rows[1])  # all digits, and NaN is NaN
         assert repr(together[i].violations) == repr(expected.violations)  # the sign of zero too
         assert len(together[i].tick_seconds) == expected.row.ticks
+
+
+@pytest.mark.parametrize("policy", ["zero", "oracle"])
+def test_a_run_that_takes_over_a_controller_leaves_the_row_of_the_run_alone(policy: str) -> None:
+    """Its controller comes from a run on another plant, and has its memory, policy and solver."""
+    tuning = load_parameters("best" if policy == "zero" else "ours", controller="rl-cbf-clf-qp")
+    plants = [SimulationParameters(mass_scale=scale, stones=2) for scale in (2.0, 0.7, 2.0)]
+    made, rows = [Assembly(plant, tuning, policy) for plant in plants], list[str]()
+    for forgets in (True, False):
+        for run, assembly in enumerate(made):
+            if forgets:
+                forget_parts()
+            rows.append(repr(walk(assembly, run, SEEDS[run]).row.model_dump(exclude=TIMES)))
+    assert rows[:3] == rows[3:]
 
 
 STONE = StonePreview(1, 0.3, 0.4)
