@@ -8,7 +8,7 @@ from rabbit_description.gait import load_gaits
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_cbf_clf_controller.policy import Policy
+from rl_cbf_clf_controller.policy import Policy, ZeroPolicy
 from rl_trainer.checkpoint import Checkpoint, CheckpointError
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.session import resume
@@ -37,12 +37,15 @@ def training(
     """
     gait = load_gaits(controller.gait)
 
+    walking = Controller(controller, gait, ZeroPolicy(controller.problem))
+
     def make_controller(policy: Policy, sigma: float) -> Controller:
-        return Controller(controller.model_copy(update={"sigma": sigma}), gait, policy)
+        walking.policy, walking.parameters = policy, controller.model_copy(update={"sigma": sigma})
+        return walking
 
     source = Provenance(plant.model_dump(), provenance.commit(), command or provenance.command())
-    asked, walking = provenance.plain((training, parameters)), provenance.plain((controller, plant))
-    made_with = {"plant or controller": provenance.key_of(walking), **provenance.provenance([asked, walking])}
+    asked, parts = provenance.plain((training, parameters)), provenance.plain((controller, plant))
+    made_with = {"plant or controller": provenance.key_of(parts), **provenance.provenance([asked, parts])}
     if changed := provenance.changed_since(folder, made_with):
         raise CheckpointError(f"{folder}: was begun with another {', '.join(changed)}: expected another folder")
     simulation = make_simulation(plant, gait)
