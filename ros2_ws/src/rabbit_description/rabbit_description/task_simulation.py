@@ -74,28 +74,33 @@ class TaskSimulation:
 
 
 class TaskSimulations:
-    """Several at once; they move to the bit as they would alone."""
+    """Several at once; they move to the bit as they would alone. `states`: where they are."""
 
     def __init__(self, task: ControlTask, n: int) -> None:
-        self.task, self.systems = task, [TaskSimulation(task) for _ in range(n)]
+        self.task, self.simulations = task, [TaskSimulation(task) for _ in range(n)]
         self._glide = None if task.plant else BatchFunction(task.glide)
 
-    def reset(self, seeds: Sequence[int]) -> list[RobotState]:
-        """A new episode of each."""
-        return [system.reset(seed) for system, seed in zip(self.systems, seeds, strict=True)]
+    @property
+    def running(self) -> Array:
+        """Which go on, (N,)."""
+        return np.array([state.running for state in self.states])
 
-    def step(self, u: Array) -> list[RobotState]:
+    def reset(self, seeds: Sequence[int]) -> None:
+        """A new episode of each."""
+        self.states = [each.reset(seed) for each, seed in zip(self.simulations, seeds, strict=True)]
+
+    def step(self, u: Array) -> None:
         """Go on one tick under the inputs `u` (N, m)."""
         if self._glide is None:
-            return [system.step(row) for system, row in zip(self.systems, u, strict=True)]
-        x, true = (np.array([getattr(system, name) for system in self.systems]) for name in ("x", "parameters"))
-        glided, states = self._glide(x, true, u), list[RobotState]()
-        for i, system in enumerate(self.systems):
+            self.states = [each.step(row) for each, row in zip(self.simulations, u, strict=True)]
+            return
+        x, true = (np.array([getattr(each, name) for each in self.simulations]) for name in ("x", "parameters"))
+        glided, self.states = self._glide(x, true, u), list[RobotState]()
+        for i, each in enumerate(self.simulations):
             strikes = glided.strikes[i, 0]
             moved = self.task.moved(x[i], true[i], u[i]) if strikes else Moved(glided.x[i], u[i], 0)
-            states.append(system.take(moved, true[i], u[i]))
-        return states
+            self.states.append(each.take(moved, true[i], u[i]))
 
     def keep(self, rows: Array) -> None:
         """Go on with some of them, by number."""
-        self.systems = [self.systems[row] for row in rows]
+        self.simulations, self.states = ([of[row] for row in rows] for of in (self.simulations, self.states))

@@ -15,7 +15,9 @@ from rabbit_description.task import ControlTask
 from rabbit_description.task_simulation import TaskSimulations
 from rabbit_description.task_source import files_of, load_task
 from rabbit_description.task_state import p_of, x_of
-from rl_cbf_clf_controller.task_controller import TaskBatch, TaskController
+from rl_cbf_clf_controller.batch_output import BatchOutput
+from rl_cbf_clf_controller.task_controller import TaskController
+from rl_trainer.rollout import Shares, rollout_together
 from rl_trainer.task_episode import ride_of
 
 from rabbit_experiments.cache import Job
@@ -83,40 +85,21 @@ class TaskRide(Job):
 def rides_together(controller: TaskController, name: str, seeds: Sequence[int]) -> Iterator[tuple[int, RideRow]]:
     """Rides side by side: place and row of a ride as it ends."""
     task, n = controller.task, len(seeds)
-    batch, systems = controller.batch(controller.controlling(name), n), TaskSimulations(task, n)
-    at = controller.output_places.arrays["barriers"]
-    for i, seed in enumerate(seeds):
-        batch.reset(i, seed)
-    places, states, least = np.arange(n), systems.reset(seeds), np.full((n, len(task.barriers)), np.inf)
-    while places.size:
-        output = batch.step(states)
+    batch = controller.batch(controller.controlling(name), n)
+    at, least = controller.output_places.arrays["barriers"], np.full((n, len(task.barriers)), np.inf)
+
+    def observe(places: Array, output: BatchOutput) -> None:
         least[places] = np.minimum(least[places], output.report[:, at])
-        faults, go_on = output.faults | output.errors, np.ones(len(places), dtype=bool)
-        for row, why in faults.items():
-            place, go_on[row] = places[row], False
-            ticks, impacts = states[row].tick + 1, states[row].touchdowns
-            yield place, row_of(task, seeds[place], ticks, impacts, ("no answer", why), least[place])
-        places = kept_places(batch, systems, places, go_on)
-        if not places.size:
-            return
-        states = systems.step(output.torque[go_on])
-        go_on = np.array([state.running for state in states])
-        for row in (~go_on).nonzero()[0].tolist():
-            place, state = places[row], states[row]
+
+    for ended in rollout_together(TaskSimulations(task, n), batch, seeds, observe, Shares()):
+        state, place = ended.state, ended.place
+        ticks, verdict = state.tick, ended.simulation.verdict
+        if ended.fault:
+            ticks, verdict = ticks + 1, ("no answer", ended.fault)
+        else:
             after = task.tick.look(x_of(task, state), p_of(state)).barriers
-            margins, verdict = np.minimum(least[place], after), systems.systems[row].verdict
-            yield place, row_of(task, seeds[place], state.tick, state.touchdowns, verdict, margins)
-        places = kept_places(batch, systems, places, go_on)
-        states = [state for state, is_on in zip(states, go_on, strict=True) if is_on]
-
-
-def kept_places(batch: TaskBatch, systems: TaskSimulations, places: Array, go_on: Array) -> Array:
-    """Of those that go on, alone in systems and controller."""
-    if not go_on.all() and go_on.any():
-        rows = go_on.nonzero()[0]
-        systems.keep(rows)
-        batch.keep(rows)
-    return places[go_on]
+            least[place] = np.minimum(least[place], after)
+        yield place, row_of(task, seeds[place], ticks, state.touchdowns, verdict, least[place])
 
 
 def row_of(task: ControlTask, seed: int, ticks: int, impacts: int, verdict: tuple[str, str], margins: Array) -> RideRow:

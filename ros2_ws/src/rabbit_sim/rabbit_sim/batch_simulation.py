@@ -42,6 +42,11 @@ class BatchSimulation:
             plant_of(simulation)
         self._rollout = Rollout(nthread=0)
 
+    @property
+    def running(self) -> Array:
+        """Whose episode goes on, (N,)."""
+        return self.states.running
+
     def reset(self, seeds: Sequence[int]) -> RobotStates:
         """Begin an episode with each robot; see `Simulation.reset`."""
         pairs = zip(self.simulations, seeds, strict=True)

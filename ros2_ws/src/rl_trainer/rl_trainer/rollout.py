@@ -1,12 +1,19 @@
-"""One episode: plant and controller, tick by tick. Both are arguments, so the trainer knows neither's inside."""
+"""Episodes, one or several at once: plant and controller, tick by tick.
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Protocol
+Both are arguments, so the trainer knows neither's inside.
+"""
 
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
 from cbf_clf_qp.answer import Decided
 from cbf_clf_qp.estimates import Estimates
 from rabbit_description.state import Array, RobotState
+from rl_cbf_clf_controller.batch_controller import BatchController
+from rl_cbf_clf_controller.batch_output import BatchOutput
 from rl_cbf_clf_controller.controller_output import ControllerOutput
 
 
@@ -71,3 +78,82 @@ def rollout(simulation: Simulation, controller: Controller, seed: int, *observer
             break
         state = simulation.step(record.output.torque)
     return state
+
+
+class Simulations(Protocol):
+    """What `rollout_together` needs of N plants; `simulations`, `states` and `running` have one entry for each."""
+
+    simulations: list[Any]
+    states: Any
+
+    @property
+    def running(self) -> Array: ...
+
+    def reset(self, seeds: Sequence[int]) -> Any: ...
+
+    def step(self, torques: Array, /) -> Any: ...
+
+    def keep(self, rows: Array) -> None: ...
+
+
+@dataclass(frozen=True)
+class Ended:
+    """Episode `place` of several is over: its plant, its last state, and a controller's fault where that ended it."""
+
+    place: int
+    simulation: Any
+    state: RobotState
+    fault: str
+
+
+@dataclass
+class Shares:
+    """Seconds of each tick over the number of episodes in it: of the controller, of the plant, and of all."""
+
+    controller: list[float] = field(default_factory=list)
+    plant: list[float] = field(default_factory=list)
+    whole: list[float] = field(default_factory=list)
+
+
+def rollout_together(
+    simulations: Simulations,
+    controllers: BatchController,
+    seeds: Sequence[int],
+    observe: Callable[[Array, BatchOutput], object],
+    shares: Shares,
+) -> Iterator[Ended]:
+    """An episode of each seed, all begun at once; yields each as it ends.
+
+    `observe` is called once a tick with the places (n,) of those that go on, and what was decided of them.
+    """
+    simulations.reset(seeds)
+    for place, seed in enumerate(seeds):
+        controllers.reset(place, seed)
+    places = np.arange(len(seeds))
+
+    def drop(faults: dict[int, str]) -> Iterator[Ended]:
+        """Go on without these rows."""
+        nonlocal places
+        for row, fault in faults.items():
+            yield Ended(int(places[row]), simulations.simulations[row], simulations.states[row], fault)
+        rows = np.delete(np.arange(len(places)), [*faults])
+        if faults and rows.size:
+            simulations.keep(rows)
+            controllers.keep(rows)
+        places = places[rows]
+
+    while places.size:
+        n, begun = len(places), time.perf_counter()
+        output = controllers.step(simulations.states)
+        shares.controller.append((time.perf_counter() - begun) / n)
+        observe(places, output)
+        faults = output.faults | output.errors
+        torques = np.delete(output.torque, [*faults], axis=0)
+        yield from drop(faults)
+        if places.size:
+            moved = time.perf_counter()
+            simulations.step(torques)
+            now = time.perf_counter()
+            shares.plant.append((now - moved) / len(places))
+            shares.whole.append((now - begun) / n)
+            yield from drop(dict.fromkeys((~simulations.running).nonzero()[0].tolist(), ""))
