@@ -8,7 +8,7 @@ $(error The path "$(CURDIR)" has a space in it: move the project to a path witho
 endif
 
 PYTHON ?= $(if $(wildcard .venv/bin/python),.venv/bin/python,python3)
-PLUGINS := -p xdist -p pytest_cov -p pytest_timeout # and not those of a full ROS 2
+PLUGINS := -p xdist -p pytest_cov -p pytest_timeout --dist worksteal # and not those of a full ROS 2
 WITH_WORKSPACE := unset PYTHONPATH AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH; source ros2_ws/install/setup.bash &&
 CODE := ros2_ws/src studies qa scripts examples
 

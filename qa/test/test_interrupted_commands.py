@@ -98,9 +98,10 @@ def test_an_interrupted_command_goes_on(name: str, tmp_path: Path) -> None:
         process = start(name, out, mark := f"{tmp_path}-{how}")
         with suppress(subprocess.TimeoutExpired):
             process.wait(draw.uniform(0.1, 0.5) * seconds)
-        (os.killpg if how == "INT" else os.kill)(process.pid, number)
+        with suppress(ProcessLookupError):  # the machine was slower in the first run: this one is done
+            (os.killpg if how == "INT" else os.kill)(process.pid, number)
         said, _ = process.communicate(timeout=LIMIT)
-        assert process.returncode in (-number, 128 + number), said
+        assert process.returncode in (-number, 128 + number, code), said
         assert "Traceback" not in said or how == "KILL"  # a worker that has only just begun may miss its dead parent
         assert left(mark) == []
         if out.exists() and any(out.iterdir()):  # the command's own by now
@@ -139,8 +140,8 @@ from rabbit_experiments.assembly import Assembly
 from own_package.late import share
 
 class Weaker(Assembly):
-    def build(self):
-        simulation, controller = super().build()
+    def make_controller(self):
+        controller = super().make_controller()
         step = controller.step
 
         def weaker_step(state):
@@ -149,7 +150,7 @@ class Weaker(Assembly):
             return output
 
         controller.step = weaker_step
-        return simulation, controller
+        return controller
 
 class Weakest(Weaker):
     pass
@@ -172,7 +173,7 @@ from rl_cbf_clf_controller.parameters import load_parameters
 def job(kind=Weaker, seed=7, **changes):
     own = {"controller": "rl-cbf-clf-qp", "gait": str(folder / "gait.yaml")}
     tuning = load_parameters("ours", **own, **{name: changes.pop(name) for name in ("eps",) if name in changes})
-    plant = SimulationParameters(stones=1, course=str(folder / "course.csv"), **changes)
+    plant = SimulationParameters(stones=1, course=str(folder / "course.yaml"), **changes)
     return Walk(kind(plant, tuning, str(folder / "rl-cbf-clf-qp.safetensors")), seed)
 
 def served(job):
@@ -235,8 +236,8 @@ def test_after_a_single_change_no_old_result_is_served(tmp_path: Path) -> None:
         (packages / "own_package" / f"{name}.py").write_text(text)
     shutil.copy(packages / "rabbit_description/gaits/stones_0350_084.yaml", tmp_path / "gait.yaml")
     shutil.copy(packages / "rl_cbf_clf_controller/policies/rl-cbf-clf-qp.safetensors", tmp_path)
-    (tmp_path / "course.csv").write_text("l_min,l_max\n" + "0.3,0.4\n" * 5)
+    (tmp_path / "course.yaml").write_text("stones:\n" + "- {l_min: 0.3, l_max: 0.4}\n" * 5)
     found: dict[str, Any] = json.loads(run(packages, "-c", PROGRAM, tmp_path, CHANGES).splitlines()[-1])
     assert found["files"] > 50
-    assert {*found["own"]} >= {"gait.yaml", "course.csv", "rl-cbf-clf-qp.safetensors", "assembly.py", "late.py"}
+    assert {*found["own"]} >= {"gait.yaml", "course.yaml", "rl-cbf-clf-qp.safetensors", "assembly.py", "late.py"}
     assert found["served"] == []

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
+from typing import ClassVar, final
 
 from rabbit_description.bounded_file import is_file
 from rabbit_description.gait import Gaits, load_gaits
@@ -42,7 +42,7 @@ class AssemblyError(ValueError):
 class Assembly:
     """What an episode is made of, but for the seed. `policy` is `zero`, `oracle` or the path of a policy file.
 
-    A method with another kind of controller derives from this and names that.
+    A method with another kind of controller derives from this and names that, or overrides `make_controller`.
     """
 
     kind: ClassVar[type[Controller]] = Controller
@@ -58,6 +58,7 @@ class Assembly:
         if ticks[0] != ticks[1]:
             raise AssemblyError("tick-seconds", f"{ticks[0]:g} of the plant: expected the controller's, {ticks[1]:g}")
 
+    @final
     def build(self, further: Further = nothing_further) -> tuple[Simulation, Controller]:
         """A plant and a controller that have seen nothing yet; `further` quantities of your own, see `Controller`.
 
