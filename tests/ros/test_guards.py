@@ -135,3 +135,19 @@ def test_a_node_whose_middleware_hangs_ends_cleanly() -> None:
         process.send_signal(signal.SIGINT)
         process.communicate(timeout=180)
     assert process.returncode == 0
+
+
+def test_a_missed_deadline_is_told_and_one_of_no_topic_is_refused(world: Any) -> None:
+    """Of the topics that a parameter names alone."""
+    deadline = f"qos_overrides./{world.namespace}/%s.publisher.deadline"
+    world.start("simulator", stones=1, start_paused=False, **{deadline % "state": 50_000_000})  # ns
+    world.start("controller")
+    world.ended()  # nothing is said any more
+    world.wait(lambda: any("deadline missed" in each.message for each in world.statuses("simulator")))
+    (state, episode) = (
+        world.node.get_publishers_info_by_topic(f"/{world.namespace}/{n}") for n in ("state", "episode")
+    )
+    assert [each.qos_profile.deadline.nanoseconds for each in state] == [50_000_000]
+    assert episode[0].qos_profile.deadline.nanoseconds > 10**12
+    world.start("recorder", **{deadline % "state": 50_000_000})  # which reads it
+    world.wait(lambda: "recorder has no parameter of this name" in world.log("recorder"))

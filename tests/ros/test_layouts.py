@@ -72,7 +72,8 @@ def test_plotjuggler_plots_numbers_of_a_recording(newest: dict[str, Any]) -> Non
         assert np.isfinite(value_at(newest, name)), name
 
 
-def test_rviz_shows_what_simulator_and_viewer_publish() -> None:
+def test_rviz_and_foxglove_show_what_simulator_and_viewer_publish() -> None:
+    in_foxglove = json.loads((CONFIG / "foxglove.json").read_text())["configById"]["3D!robot"]
     layout = yaml.safe_load((CONFIG / "walk.rviz").read_text())["Visualization Manager"]
     simulation, _ = Assembly(SimulationParameters(stones=2), ControllerParameters(), "zero").build()
     rclpy.init()
@@ -88,5 +89,7 @@ def test_rviz_shows_what_simulator_and_viewer_publish() -> None:
     for display in layout["Displays"]:
         topic = display.get("Topic", display.get("Description Topic"))["Value"]
         assert topics[f"/{topic}"] == [TYPES[display["Class"].split("/")[1]]]
+    assert in_foxglove["topics"].keys() < topics.keys()
     frames = re.findall('<link name="(.*?)"', robot_description())
-    assert {layout["Global Options"]["Fixed Frame"], layout["Views"]["Current"]["Target Frame"]} <= set(frames)
+    followed = {layout["Views"]["Current"]["Target Frame"], in_foxglove["followTf"]}
+    assert {layout["Global Options"]["Fixed Frame"], *followed} <= set(frames)

@@ -112,6 +112,7 @@ def test_the_state_after_the_last_tick_counts(task, tmp_path):
         ({"start": ((0,), (0,))}, "start = "),
         ({"start": ((1, 0), (0, 0))}, "start = "),
         ({"seconds": 0.0}, "seconds = 0.0"),
+        ({"limit": (1.0, 2.0)}, "limit = (1.0, 2.0)"),
         ({"coordinates": ("a", "b", "c")}, "coordinates = "),
     ],
 )

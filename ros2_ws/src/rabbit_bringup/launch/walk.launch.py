@@ -8,8 +8,8 @@ nodes themselves.
 
 import shlex
 
-from launch import LaunchContext, LaunchDescription
-from launch.actions import Action, ExecuteProcess, OpaqueFunction
+from launch import Action, LaunchContext, LaunchDescription
+from launch.actions import ExecuteProcess, OpaqueFunction
 from launch.events.process import ProcessExited
 from rabbit_bringup.commands.walk import DEFAULTS, MODELS
 from rabbit_bringup.launching.processes import PATIENCE

@@ -98,3 +98,17 @@ def test_an_unknown_command_is_named() -> None:
     assert near.stderr == "rabbit: no command evalute: did you mean evaluate?\n"
     told = CliRunner().invoke(app, ["--version"])
     assert (told.exit_code, told.stdout) == (0, f"rabbit {version('rabbit_bringup')}\n")
+
+
+def test_the_command_runs_by_the_interpreter_beside_it(tmp_path: Path) -> None:
+    """Called by a path, or by a link to it, in an environment that is not activated."""
+    (tmp_path / "bin").mkdir()
+    command, interpreter = tmp_path / "bin" / "rabbit", tmp_path / "bin" / "python3"
+    command.write_bytes((Path(__file__).parents[1] / "bin" / "rabbit").read_bytes())
+    interpreter.write_text('#!/bin/sh\necho "$@"\n')
+    for path in (command, interpreter):
+        path.chmod(0o755)
+    link = tmp_path / "rabbit"
+    link.symlink_to(command)
+    done = subprocess.run([link, "a  word"], capture_output=True, text=True, env={"PATH": "/usr/bin:/bin"})
+    assert done.stdout == f"{link} a  word\n"

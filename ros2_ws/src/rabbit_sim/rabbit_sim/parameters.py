@@ -2,6 +2,7 @@
 
 import math
 from functools import cache
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
@@ -16,6 +17,7 @@ from rabbit_sim.perturbations import KINDS
 from rabbit_sim.plant import FARTHEST_EDGE, HIGHEST_TOP, SUBSTEP_SECONDS
 
 PLANTS = "rabbit.plants"  # entry points; see rabbit_description.plugins
+USUAL = "pybullet" if find_spec("pybullet") else "mujoco"  # PyBullet has no wheel from Python 3.12 on
 if TYPE_CHECKING:
     PlantName = str
     Perturbed = Any  # the fields of `perturbations/`
@@ -27,7 +29,7 @@ else:
 class Episode(Checked):
     """The plant, the course, the first state, and what ends an episode."""
 
-    plant: PlantName = Field("pybullet", description="physics engine, or rigid: the paper's hybrid model")
+    plant: PlantName = Field(USUAL, description="physics engine, or rigid: the paper's hybrid model")
 
     tick_seconds: TickSeconds = Field(TICK_SECONDS, description=ABOUT_TICK)
     terrain: Literal["flat", "stones"] = Field("stones", description="flat ground or stones with gaps")

@@ -46,8 +46,10 @@ def write_rerun(source: Path, out: Path | None = None, episode: int | None = Non
     views = [blueprint.TimeSeriesView(origin=origin, name=panel.title) for origin, panel in plotted.items()]
     bounds = blueprint.VisualBounds2D(x_range=(-1.2, 1.2), y_range=(-1.6, 0.3))
     side = blueprint.Spatial2DView(origin=SIDE, name=str(walk.about.get("title", "")), visual_bounds=bounds)
-    left = blueprint.Vertical(side, blueprint.TextDocumentView(origin=WHY, name=WHY), row_shares=[3, 2])
-    layout = blueprint.Blueprint(blueprint.Horizontal(left, blueprint.Vertical(*views)), collapse_panels=True)
+    half = (len(views) + 1) // 2
+    above = blueprint.Horizontal(side, blueprint.Vertical(*views[:half]), blueprint.Vertical(*views[half:]))
+    why = blueprint.TextDocumentView(origin=WHY, name=WHY)  # as wide as its table
+    layout = blueprint.Blueprint(blueprint.Vertical(above, why, row_shares=[3, 2]), collapse_panels=True)
     with rr.RecordingStream("rabbit", recording_id=path.stem) as file:
         file.save(path, default_blueprint=layout)
         for row, shapes in enumerate(scenes(walk)):

@@ -1,23 +1,35 @@
-"""Nodes that report what they cannot read: the middleware itself drops such bytes without a word."""
+"""Nodes that report what they cannot read: the middleware itself drops such bytes without a word.
+
+Deadline and liveliness of a topic are parameters of ROS: `qos_overrides./state.subscription.deadline`, ns, and so on.
+What is missed is counted as a refused message is.
+"""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from copy import copy
 from functools import wraps
 from typing import Any, ParamSpec
 
+from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
+from rclpy.exceptions import InvalidParameterTypeException
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
+from rclpy.publisher import Publisher
+from rclpy.qos import QoSPolicyKind, QoSProfile
+from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 
 from rabbit_common.guard import guarded
 from rabbit_common.message_checks import MessageCounter, Refused
+from rabbit_common.ros.parameters import ParameterError
 
 MOST_BYTES = 10_000_000  # of a message; the largest carries a policy file, of which 8 MB are read
 
 P = ParamSpec("P")
 FAULT = "fault of this node"  # reason of a refusal that no check foresaw
+WATCHED = (QoSPolicyKind.DEADLINE, QoSPolicyKind.LIVELINESS, QoSPolicyKind.LIVELINESS_LEASE_DURATION)
 
 _BOUND = re.compile(r"string<(\d+)>$|sequence<.*, (\d+)>$")
 
@@ -34,6 +46,37 @@ class CheckedNode(Node):
         limits = bounds(kind)
         take = self._guarded(topic, lambda data: callback(decoded(data, kind, limits)))
         return self.create_subscription(kind, topic, take, qos, raw=True)
+
+    def create_subscription(self, msg_type: Any, topic: str, callback: Any, qos_profile: Any, **named: Any) -> Any:
+        """As rclpy does, with deadline and liveliness where parameters give them."""
+        with self._watched(topic, "subscription", SubscriptionEventCallbacks, qos_profile) as (qos, watched):
+            return super().create_subscription(msg_type, topic, callback, qos, **named, **watched)
+
+    def create_publisher(self, msg_type: Any, topic: str, qos_profile: Any, **named: Any) -> Publisher:
+        """Likewise."""
+        with self._watched(topic, "publisher", PublisherEventCallbacks, qos_profile) as (qos, watched):
+            return super().create_publisher(msg_type, topic, qos, **named, **watched)
+
+    @contextmanager
+    def _watched(self, topic: str, end: str, callbacks: Any, qos: Any) -> Iterator[tuple[Any, dict[str, Any]]]:
+        """QoS and options of one end of a topic; raises `ParameterError` where a parameter has another type."""
+        known = f"qos_overrides.{self.resolve_topic_name(topic)}.{end}."
+        if not any(name.startswith(known) for name in self._parameter_overrides):
+            yield qos, {}
+            return
+
+        def late(event: Any) -> None:
+            self._refuse(topic, Refused("deadline missed", f"{event.total_count} times"))
+
+        def silent(event: Any) -> None:
+            if getattr(event, "not_alive_count", 1):  # a reader hears that a writer lives, too
+                self._refuse(topic, Refused("not alive", "its writer has not been heard for its lease"))
+
+        events = callbacks(deadline=late, liveliness=silent)
+        try:
+            yield copy(qos), {"qos_overriding_options": QoSOverridingOptions(WATCHED), "event_callbacks": events}
+        except InvalidParameterTypeException as error:
+            raise ParameterError(f"parameter {known}*: {str(error).strip()}") from error
 
     def _guarded(self, topic: str, use: Callable[P, object]) -> Callable[P, None]:
         """`use`, which refuses what came in where it raises `Refused`, or anything else, which is a fault of ours."""

@@ -48,13 +48,14 @@ def declare(node: Node, model: type[Model], dynamic: Collection[str] = (), defau
     return _checked(model, values)
 
 
-def refuse_unknown(node: Node) -> None:
+def refuse_unknown(node: Node, later: tuple[str, ...] = ("qos_overrides.",)) -> None:
     """Raise `ParameterError` if a file or the command line sets a parameter that no model declares.
 
+    `later`: how names begin that are declared with the node's topics.
     From now on no parameter can be added, and rclpy's own are read-only too.
     """
     names: set[str] = set(node._parameter_overrides)
-    unknown = sorted(name for name in names - _OF_ROS if not (node.has_parameter(name) or name.startswith("qos_")))
+    unknown = sorted(name for name in names - _OF_ROS if not (node.has_parameter(name) or name.startswith(later)))
     if unknown:
         raise ParameterError(f"parameter {unknown[0]}: {node.get_name()} has no parameter of this name")
     for name in _OF_ROS:

@@ -18,7 +18,7 @@ from rclpy.timer import Timer
 from rabbit_common.deadline import end_within
 from rabbit_common.priority import give_way
 from rabbit_common.ros.network import StartError, initialise
-from rabbit_common.ros.parameters import ParameterError
+from rabbit_common.ros.parameters import ParameterError, refuse_unknown
 from rabbit_common.ros.services import guard_services
 
 _LOOK_UP = 0.1  # s between looks at the signals; without a time-out this executor's wait hears none
@@ -49,6 +49,7 @@ def run(make: Callable[[], Node], errors: tuple[type[Exception], ...] = (), *, g
     try:
         initialise()
         node = make()
+        refuse_unknown(node, ())
         if gives_way:
             give_way()
         guard_services(node)
