@@ -149,5 +149,5 @@ def test_a_missed_deadline_is_told_and_one_of_no_topic_is_refused(world: Any) ->
     )
     assert [each.qos_profile.deadline.nanoseconds for each in state] == [50_000_000]
     assert episode[0].qos_profile.deadline.nanoseconds > 10**12
-    world.start("recorder", **{deadline % "state": 50_000_000})  # which reads it
-    world.wait(lambda: "recorder has no parameter of this name" in world.log("recorder"))
+    world.start("estimator", **{deadline % "torque": 50_000_000})  # which does not publish it
+    world.wait(lambda: "estimator has no parameter of this name" in world.log("estimator"))
