@@ -7,8 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rabbit_experiments.assembly import Assembly
+from rabbit_experiments.evaluation import RecordedWalk
 from rabbit_recording.commands.bag import app
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_viewer.rerun_file import explain_run
 from rabbit_viewer.walk_pictures import records_of
+from rl_cbf_clf_controller.parameters import load_parameters
 from typer.testing import CliRunner
 
 
@@ -33,6 +38,16 @@ def test_a_recording_is_written_for_rerun(tmp_path: Path, write_bag: Callable[..
     np.testing.assert_allclose(legs[:, 0], np.stack([0 * walk.time, -walk.q[:, 1]], axis=1), atol=1e-6)
     np.testing.assert_allclose(np.linalg.norm(np.diff(legs, axis=1), axis=2), 0.4, atol=1e-6)  # thigh and shin
     assert "gives way multiplier" in told["/explanation"]["TextDocument:text"][0][0]
+
+
+def test_a_run_is_explained_where_it_needed_most_slack() -> None:
+    heavy = SimulationParameters(stones=2, mass_scale=2.0)
+    job = RecordedWalk(Assembly(heavy, load_parameters("ours", controller="cbf-clf-qp"), "zero"), 1)
+    worst = int(job.do().rescue_slack.argmax())
+    title, _, *rows = explain_run(job).splitlines()
+    assert worst > 0
+    assert title.startswith(f"seed 1, tick {worst} ")
+    assert any("last resort, gives way" in row for row in rows)
 
 
 def test_without_rerun_one_line_says_what_to_install(

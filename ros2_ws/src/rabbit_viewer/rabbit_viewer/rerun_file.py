@@ -11,9 +11,12 @@ from pathlib import Path
 import numpy as np
 from rabbit_description.bounded_file import exists
 from rabbit_description.state import Array
+from rabbit_experiments.evaluation import RecordedWalk, parts
+from rabbit_experiments.evaluation import episode as run
 from rabbit_experiments.walk_records import RECORDING, RECORDS, WalkRecords
 from rabbit_recording import RecordingError
-from rabbit_recording.explaining import explain_tick
+from rabbit_recording.explaining import explain_tick, explain_walk, worst_of
+from rl_trainer.rollout import Moment, Record
 
 from rabbit_viewer.geometry import DEPTH, force_arrow, legs_of, stone_spans, torso_points
 from rabbit_viewer.pictures import panels
@@ -30,8 +33,12 @@ class RerunError(RuntimeError):
     """The file cannot be written; the message is one line."""
 
 
-def write_rerun(source: Path, out: Path | None = None, episode: int | None = None) -> Path:
+def write_rerun(
+    source: Path, out: Path | None = None, episode: int | None = None, job: RecordedWalk | None = None
+) -> Path:
     """Write a run's folder or a recording, by default to walk.rrd in the folder or SOURCE.rrd next to a recording.
+
+    `job`: what the folder's run was made by; without it only a recording is explained.
 
     Raises:
         RerunError: rerun-sdk is not installed.
@@ -67,7 +74,7 @@ def write_rerun(source: Path, out: Path | None = None, episode: int | None = Non
                 ends = rr.TimeColumn(CLOCK, duration=walk.time[[0, -1]])
                 file.log(f"{origin}/{LIMIT}{i}", rr.SeriesLines(colors=RED, names=LIMIT), static=True)
                 file.send_columns(f"{origin}/{LIMIT}{i}", [ends], rr.Scalars.columns(scalars=[limit, limit]))
-        told = f"```text\n{explanation(source, episode)}\n```"
+        told = f"```text\n{explain_run(job) if job else explanation(source, episode)}\n```"
         file.log(WHY, rr.TextDocument(told, media_type=rr.MediaType.MARKDOWN), static=True)
     return path
 
@@ -103,3 +110,20 @@ def explanation(source: Path, episode: int | None) -> str:
         return "\n".join(explain_tick(bag, None, episode).lines())
     except RecordingError as error:
         return str(error)
+
+
+def explain_run(job: RecordedWalk) -> str:
+    """Likewise of a run, walked again; why there is none, where no solver answered."""
+    moments = dict[int, Moment]()
+    with parts(job.assembly) as (simulation, controller):
+
+        def observe(record: Record) -> None:
+            scene, decided = controller.scene, (controller.estimates, controller.decided)
+            moments[record.state.tick] = Moment(record.state, record.output, scene.x, scene.p, *decided)
+
+        run(simulation, controller, job.seed, observe)
+        of, worst, seconds = f"seed {job.seed}", worst_of(moments), simulation.tick_seconds
+        try:
+            return "\n".join(explain_walk(of, controller.qp, moments, worst, moments, seconds).lines())
+        except ValueError as error:
+            return str(error)

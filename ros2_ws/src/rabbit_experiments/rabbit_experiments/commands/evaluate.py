@@ -63,7 +63,7 @@ def evaluate(given: Given) -> None:
             print(f"drawn {path}")
     if request.rerun:
         with complaints(RuntimeError):
-            print(f"written {load('rabbit.pictures', 'rerun')(out)}")
+            print(f"written {load('rabbit.pictures', 'rerun')(out, job=scenario.recorded)}")
 
 
 def given_assembly(given: Given, policy: str | None = None, parameters: str = "ours", oracle: bool = True) -> Any:
