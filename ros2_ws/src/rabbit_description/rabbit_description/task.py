@@ -168,8 +168,8 @@ class ControlTask:
                 raise TaskError(f"{name}: {', '.join(wrong)}: expected finite numbers")
         if any(len(bound) != n for bound in self.start) or np.any(np.greater(*self.start)):
             raise TaskError(f"start = {self.start}: expected the least and the greatest state, {n} numbers each")
-        if self.limit is not None and not (isinstance(self.limit, int | float) and 0 < self.limit < math.inf):
-            raise TaskError(f"limit = {self.limit}: expected a positive number, which holds for each input")
+        if self.limit is not None and not (isinstance(self.limit, int | float) and 0 <= self.limit < math.inf):
+            raise TaskError(f"limit = {self.limit}: expected a number from 0 on, which holds for each input")
         if not 0 < self.seconds <= self.duration < math.inf:
             raise TaskError(f"seconds = {self.seconds}, duration = {self.duration}: expected 0 < seconds <= duration")
         if any(symbol.numel() != 1 for symbol in self.system.named.values()):
