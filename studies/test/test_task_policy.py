@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from own_cart import CART
+from own_cart import cart
 from rabbit_bringup.cli import app as rabbit
 from rabbit_description.task import TaskError
 from rabbit_description.task_source import load_task
@@ -19,13 +19,7 @@ from rl_cbf_clf_controller.task_controller import TaskController
 from rl_trainer.task_episode import ride_of
 from typer.testing import CliRunner
 
-
-@pytest.fixture
-def cart(tmp_path: Path) -> Path:
-    """The task's file."""
-    path = tmp_path / "cart.py"
-    path.write_text(CART)
-    return path
+__all__ = ["cart"]
 
 
 def test_robots_side_by_side_are_rides_of_the_true_system(cart: Path) -> None:

@@ -1,4 +1,8 @@
-"""A cart before a wall, half as heavy in its model."""
+"""A cart before a wall, half as heavy in its model; the fixture that writes its file."""
+
+from pathlib import Path
+
+import pytest
 
 POLE, LIMIT = 4.0, 20.0  # 1/s, N
 CART = """
@@ -14,3 +18,11 @@ TASK = ControlTask(
     coordinates=("x",), draw=lambda x, p: [Disc((x[0], p["target"]), 0.1)],
 )
 """
+
+
+@pytest.fixture
+def cart(tmp_path: Path) -> Path:
+    """The task's file."""
+    path = tmp_path / "cart.py"
+    path.write_text(CART)
+    return path

@@ -133,25 +133,14 @@ def loaded_modules(package: str, installed: Callable[[str], Path]) -> list[str]:
 
 @pytest.mark.parametrize("package", PACKAGES)
 def test_installs_with_pip_and_imports_without_ros(package: str, installed: Callable[[str], Path]) -> None:
+    """With its data; it requires the others in its own version, and no folder."""
     file, *loaded = loaded_modules(package, installed)
     assert Path(file).is_relative_to(installed(package))
     assert not set(loaded) & NEVER_LOADED.get(package, set())
-
-
-@pytest.mark.parametrize("package", PACKAGES)
-def test_requires_no_folder_and_the_others_in_its_own_version(package: str, installed: Callable[[str], Path]) -> None:
     (metadata,) = installed(package).glob("*.dist-info")
-    lines = required(installed(package))
+    lines, version = required(installed(package)), PathDistribution(metadata).version
     assert not [line for line in lines.values() if "@" in line]
-    version = PathDistribution(metadata).version
-    assert {lines[name] for name in lines.keys() & set(PACKAGES)} == {
-        f"{name}=={version}" for name in lines.keys() & set(PACKAGES)
-    }
-
-
-@pytest.mark.parametrize("package", PACKAGES)
-def test_data_is_installed(package: str, installed: Callable[[str], Path]) -> None:
-    root = SOURCES / package / package
-    data = {".yaml", ".urdf", ".safetensors", ".json", ".csv", ".xml", ".typed"}
-    shipped = [path.relative_to(root) for path in root.rglob("*") if path.suffix in data]
-    assert not [str(path) for path in shipped if not (installed(package) / package / path).is_file()]
+    assert all(lines[name] == f"{name}=={version}" for name in lines.keys() & set(PACKAGES))
+    root, kinds = SOURCES / package / package, {".yaml", ".urdf", ".safetensors", ".json", ".csv", ".xml", ".typed"}
+    data = [path.relative_to(root) for path in root.rglob("*") if path.suffix in kinds]
+    assert not [str(path) for path in data if not (installed(package) / package / path).is_file()]

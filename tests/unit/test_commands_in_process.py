@@ -13,13 +13,6 @@ from rl_cbf_clf_controller.weights import read
 from typer.testing import Result
 from untrained_policy import policy_file, policy_metadata
 
-KEYS = (
-    *("runs", "stones", "success_rate", "success_with_forces", "success_rate_ci95", "mean_stones", "std_stones"),
-    *("missed_stones", "falls", "max_force_ratio", "ticks_over_cone", "ticks_over_cone_at_impact"),
-    *("qp_unanswered_ticks", "slack_ticks", "tick_ms_p50", "tick_ms_p99", "real_time_factor"),
-    *("command", "versions", "parameters", "ecbf_start_violations", "rescue_ticks", "active_share"),
-)
-
 
 def evaluate(out: Path, *words: object) -> Result:
     """Short runs in this process."""
@@ -55,7 +48,7 @@ def test_files_of_an_evaluation(tmp_path: Path) -> None:
     done = evaluate(tmp_path, "--runs", 2, "--mass-scale", 1.1, "--eps", 0.06, "--no-force-rows", "--torque-limit", 150)
     assert done.exit_code == 0, done.output
     summary = json.loads((tmp_path / "summary.json").read_text())
-    assert set(KEYS) <= summary.keys()
+    assert {"command", "versions", "success_with_forces", "qp_unanswered_ticks"} <= summary.keys()
     assert summary["runs"] == len(rows(tmp_path)) == 2
     used = summary["parameters"]
     assert (used["simulation"]["mass_scale"], used["simulation"]["motor_lag"]) == (1.1, 0.004)
@@ -89,6 +82,7 @@ def test_a_policy_file_of_zeros_is_the_nominal_controller(tmp_path: Path) -> Non
 
 
 ALONE = ("--second", "none", "--stones", 1)
+CART = ("--task", "cart.py")
 SHORT = ("--episodes", 2, "--nominal-episodes", 1, "--walking-steps", 1, "--updates-least", 3, "--updates-per-tick", 0)
 
 
@@ -131,8 +125,18 @@ def test_training_leaves_a_sound_policy_and_goes_on(tmp_path: Path) -> None:
         (("play", "--policy", "nowhere"), "--policy nowhere: expected one of zero, oracle"),
         (("play", "--terrain", "flat", "--first", "learned", "--export", "x"), "--terrain flat: expected stones"),
         (("play", *ALONE, "--export", "/nowhere/walk.html"), "--export /nowhere/walk.html: No such file"),
+        (("evaluate", "--task", "nosuch.py"), "nosuch.py: no such file"),
+        (("benchmark", *CART, "--controller", "nosuch"), "nosuch"),
+        (("evaluate", *CART, "--controller", "nosuch"), "nosuch"),
+        (("evaluate", *CART, "--controller", "nosuch.safetensors"), "nosuch.safetensors"),
+        (("evaluate", *CART, "--rides", 1, "--out", "/proc/nosuch"), "/proc/nosuch"),
+        (("train", *CART, "--learner", "nosuch"), "--learner nosuch"),
+        (("train", *CART, "--out", "/proc/nosuch/p.safetensors"), "/proc/nosuch"),
+        (("train", *CART, "--out", "policy.txt"), "policy.txt"),
+        (("bag", "check", "nosuch", *CART), "nosuch"),
     ],
 )
+@pytest.mark.usefixtures("cart")
 def test_a_bad_value_ends_in_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[object, ...], told: str
 ) -> None:

@@ -4,9 +4,9 @@ import ast
 import re
 import shlex
 import subprocess
-import sys
-from collections.abc import Iterator
+from collections.abc import Callable
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 
@@ -131,22 +131,17 @@ DATA = ROOT / "studies" / "docs" / "data"
 TABLES = sorted(path for path in DATA.glob("*.csv") if "by_course" in path.read_text(encoding="utf-8").split("\n")[0])
 
 
-@pytest.fixture(scope="module")
-def scripts() -> Iterator[tuple[ModuleType, ModuleType]]:
-    """What finds figures on a page, and what the tables say of the pages."""
-    sys.path.insert(0, str(ROOT / "scripts"))
-    import page_figures
-    import shipped_figures
-
-    yield page_figures, shipped_figures
-    sys.path.remove(str(ROOT / "scripts"))
+@pytest.fixture
+def scripts(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], ModuleType]:
+    """A program that writes or reads the pages, by its name."""
+    monkeypatch.syspath_prepend(ROOT / "scripts")
+    return import_module
 
 
 @pytest.mark.parametrize("name", WITH_FIGURES)
 def test_figures_are_those_of_the_tables(scripts, name: str) -> None:
-    figures, shipped = scripts
-    text = (ROOT / name).read_text(encoding="utf-8")
-    assert text.splitlines() == figures.made(text, shipped.pages()[name]).splitlines(), "make figures writes them"
+    text, shipped = (ROOT / name).read_text(encoding="utf-8"), scripts("shipped_figures").pages()[name]
+    assert text.splitlines() == scripts("page_figures").made(text, shipped).splitlines(), "make figures writes them"
 
 
 @pytest.mark.parametrize("path", TABLES, ids=lambda path: path.stem)
@@ -157,21 +152,8 @@ def test_a_table_says_what_its_courses_say(path: Path) -> None:
             assert (row.walked, row.courses, row.low, row.high) == (walked, courses, *wilson(walked, courses)), row
 
 
-SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
-
-
-@pytest.fixture(scope="module")
-def text():
-    """The module that writes the pages."""
-    sys.path.insert(0, str(SCRIPTS))
-    import reference_text
-
-    yield reference_text
-    sys.path.remove(str(SCRIPTS))
-
-
-def test_the_tables_of_the_page_on_topics_are_those_of_the_code(text) -> None:
+def test_the_tables_of_the_page_on_topics_are_those_of_the_code(scripts) -> None:
     """`python scripts/reference_text.py` writes them."""
-    page = (SCRIPTS.parent / "docs" / "topics.md").read_text(encoding="utf-8")
+    text, page = scripts("reference_text"), (ROOT / "docs" / "topics.md").read_text(encoding="utf-8")
     assert text.GENERATED.findall(page)
     assert text.with_tables(page) == page

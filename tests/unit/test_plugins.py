@@ -20,18 +20,13 @@ from rl_trainer.task_training import train
 from typer.testing import CliRunner
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
-MODULE = '''
-"""Count the letters of a word."""
-
+MODULE = """
 from pathlib import Path
 
 import torch
-import typer
 from rabbit_sim.rigid_plant import RigidPlant
 from rl_trainer.actor import Actor
 from rl_trainer.learner import Learner
-
-app = typer.Typer()
 
 
 class SlowMotor(RigidPlant):
@@ -56,19 +51,12 @@ class Noted(Learner):
         Path("updates").write_text(str(self.updates))
         return {"error": loss.item()}
 
-
-@app.command()
-def count(word: str):
-    print(len(word))
-
-'''
+"""
 ENTRY_POINTS = """
 [rabbit.plants]
 slow_motor = other_package:SlowMotor
 [rabbit.learners]
 noted = other_package:Noted
-[rabbit.commands]
-count = other_package:app
 """
 TRAINING = ("--walking-steps", "1", "--batch", "8", "--updates-least", "5", "--learner", "noted", "--out", "out")
 

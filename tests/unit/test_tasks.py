@@ -5,8 +5,6 @@ import csv
 import gzip
 import json
 import re
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,7 +15,7 @@ from cbf_clf_qp import Clf, System
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.estimates import Estimates
 from own_cart import CART, LIMIT, POLE
-from rabbit_bringup.cli import app
+from rabbit_command import invoke
 from rabbit_description.task import ControlTask, TaskError
 from rabbit_description.task_source import load_task
 from rabbit_experiments.cache import Cache
@@ -33,21 +31,12 @@ from rl_cbf_clf_controller.task_controller import TaskController
 from rl_trainer.task_episode import ride_of
 from rl_trainer.task_training import measured_problem, train
 from scipy.linalg import expm
-from typer.testing import CliRunner
 
 
 def checked(task, bag):
     """How many ticks of the only episode were replayed, which did not come out, and by how much at most."""
     (episode,) = check_episodes(bag, task)
     return episode.replayed, episode.differing, episode.furthest
-
-
-@pytest.fixture
-def cart(tmp_path):
-    """The task's file."""
-    path = tmp_path / "cart.py"
-    path.write_text(CART)
-    return path
 
 
 @pytest.fixture
@@ -75,12 +64,6 @@ def test_where_the_barrier_alone_decides_the_input_is_its_closed_form(task, cont
     for m in near:  # B'' = -u / mass = -2 pole B' - pole^2 B, but for the slack of last resort, mu over its weight
         x, v = m.x
         assert m.u[0] == pytest.approx(mass * (POLE**2 * (1 - x) - 2 * POLE * v), abs=1e-4)
-
-
-def test_the_oracle_keeps_the_barrier_and_the_nominal_controller_does_not(task):
-    controller = TaskController(task)
-    assert all(ride_of(controller, "oracle", seed).is_kept for seed in range(5))
-    assert not any(ride_of(controller, "nominal", seed).is_kept for seed in range(5))
 
 
 def test_no_input_exceeds_its_limit_also_with_noise(task):
@@ -129,18 +112,6 @@ def test_what_does_not_fit_is_named(task, change, text):
 def test_a_source_without_a_task_is_named(source, text):
     with pytest.raises(TaskError, match=text):
         load_task(source)
-
-
-def test_the_same_seed_gives_the_same_ride_in_another_process_too(task, cart):
-    here = [m.u[0].hex() for m in ride_of(TaskController(task), "oracle", 7).moments]
-    code = (
-        "import sys; from rl_trainer.task_episode import ride_of; from rabbit_description.task_source import load_task;"
-        "from rl_cbf_clf_controller.task_controller import TaskController;"
-        "print(*[m.u[0].hex() for m in ride_of(TaskController(load_task(sys.argv[1])), 'oracle', 7).moments])"
-    )
-    told = subprocess.run([sys.executable, "-c", code, cart], capture_output=True, text=True, check=True)
-    assert told.stdout.split() == here
-    assert [m.u[0].hex() for m in ride_of(TaskController(task), "oracle", 8).moments] != here
 
 
 def test_measured_units_hold_the_errors_closed_form(task):
@@ -207,7 +178,7 @@ def test_a_recording_of_another_system_is_refused(task, tmp_path):
 
 def typed(*words):
     """A command's exit code, and what it printed."""
-    result = CliRunner().invoke(app, [str(word) for word in words])
+    result = invoke(*words)
     return result.exit_code, result.output
 
 
@@ -293,29 +264,6 @@ def test_another_urdf_is_another_ride(tmp_path):
         urdf.write("<!-- another -->")
     after = Cache(tmp_path).key(ride)
     assert (before.asked, before.made_with != after.made_with) == (after.asked, True)
-
-
-@pytest.mark.parametrize(
-    "words",
-    [
-        ("evaluate", "--task", "nosuch.py"),
-        ("benchmark", "--task", "{cart}", "--controller", "nosuch"),
-        ("evaluate", "--task", "{cart}", "--controller", "nosuch"),
-        ("evaluate", "--task", "{cart}", "--controller", "nosuch.safetensors"),
-        ("evaluate", "--task", "{cart}", "--rides", "1", "--out", "/proc/nosuch"),
-        ("train", "--task", "{cart}", "--learner", "nosuch"),
-        ("train", "--task", "{cart}", "--out", "/proc/nosuch/p.safetensors"),
-        ("train", "--task", "{cart}", "--out", "policy.txt"),
-        ("bag", "check", "nosuch", "--task", "{cart}"),
-    ],
-)
-def test_what_is_wrong_ends_a_command_with_one_line(cart, words, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    result = CliRunner().invoke(app, [word.format(cart=cart) for word in words])
-    assert result.exit_code == 2
-    last = result.output.strip().splitlines()
-    assert last[-1].startswith("rabbit: ")
-    assert "Traceback" not in result.output
 
 
 def test_an_output_error_that_the_objective_needs_is_not_taken_for_zero(task):

@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from cbf_clf_qp import Barrier, Clf, NumpyFunction, System, Tick, compiled
+from cbf_clf_qp.batch_functions import BatchFunction
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import OFTEN
 
@@ -96,11 +97,11 @@ def test_bits_are_those_of_the_virtual_machine_alone_and_many_at_once(make: Any)
     function.compile(wait=True)
     assert function.fastest is not function.function
     assert same(expected, [function(*each).row for each in zip(*rows, strict=True)])
-    for of in (function.function, function.fastest):
-        at_once = NumpyFunction(of.map(n), {})
-        at_once(*rows)
-        assert same(expected, at_once.row.reshape(n, -1))
-    assert same(function(rows[0][0]).row, make()(rows[0][0]).row)  # the others are left out
+    for alone in (make(), function):  # in the virtual machine, and compiled
+        at_once = BatchFunction(alone)
+        for many in (n, 3, 1):
+            assert same(expected[:many], at_once(*(each[:many] for each in rows)).row)
+        assert same(at_once(rows[0]).row[0], make()(rows[0][0]).row)  # the others are left out
 
 
 def test_a_function_is_compiled_while_it_is_called(cache: Path) -> None:

@@ -29,14 +29,13 @@ CBFPY_CRUISE = rows("""
     25 26 60 -504.3642857
 """)
 
-# v, m/s; distance from a leader at 14 m/s, m; the wheels' force, N
 HELPER_CRUISE = rows("""
-    20 100 4855.95
-    22.22 88.076 1060.5212879
-    22.955 60.304 427.0198472
-    21.181 46.89 -2569.9246163
-    16.782 31.522 -1519.156632
-    14.131 25.438 0.290334
+    20 14 100 4855.95
+    22.22 14 88.076 1060.5212879
+    22.955 14 60.304 427.0198472
+    21.181 14 46.89 -2569.9246163
+    16.782 14 31.522 -1519.156632
+    14.131 14 25.438 0.290334
 """)
 
 # position, speed of a robot of 1 kg; of an obstacle; the force: m, m/s, N
@@ -72,21 +71,13 @@ def cruise(rate: float, slack_weight: float, solver: str) -> Tick:
 
 
 @pytest.mark.parametrize("solver", ["daqp", "osqp"])
-@pytest.mark.parametrize("example", CBFPY_CRUISE)
-def test_cruise_control_of_cbfpy(solver: str, example: tuple[float, ...]) -> None:
-    v, leader, distance, force = example
-    decided = cruise(1.0, 5.0, solver)([v, distance], leader=leader)
-    assert decided.solved
-    assert decided.u == pytest.approx([force], rel=1e-6)
-
-
-@pytest.mark.parametrize("solver", ["daqp", "osqp"])
-@pytest.mark.parametrize("example", HELPER_CRUISE)
-def test_cruise_control_of_cbf_clf_helper(solver: str, example: tuple[float, ...]) -> None:
-    v, distance, force = example
-    decided = cruise(5.0, 1e-2, solver)([v, distance], leader=14.0)
-    assert decided.solved
-    assert decided.u == pytest.approx([force], rel=1e-6)
+@pytest.mark.parametrize(("gains", "examples"), [((1.0, 5.0), CBFPY_CRUISE), ((5.0, 1e-2), HELPER_CRUISE)])
+def test_cruise_control(solver: str, gains: tuple[float, float], examples: list[tuple[float, ...]]) -> None:
+    tick = cruise(*gains, solver)
+    for v, leader, distance, force in examples:
+        decided = tick([v, distance], leader=leader)
+        assert decided.solved
+        assert decided.u == pytest.approx([force], rel=1e-6)
 
 
 def point_robot(solver: str) -> Tick:

@@ -20,14 +20,18 @@ from rl_cbf_clf_controller.parameters import ControllerParameters
 from typer.testing import CliRunner
 
 
+def first_word() -> Any:
+    """Of a simulator that waits."""
+    waiting = {"seed": 0, "stones": 2, "reason": "", "policy_version": "", "sigma": float("nan"), "outcome": ""}
+    return message("episode", 0, **{**waiting, "episode": 0, "phase": 0, "touchdowns": 0})
+
+
 @pytest.fixture
 def restarted(tmp_path: Path, walk: Walk) -> Path:
     """The same walk by two simulators, as a recorder that does not look stores it: the second behind the first."""
-    waiting = {"seed": 0, "stones": 2, "reason": "", "policy_version": "", "sigma": float("nan"), "outcome": ""}
     messages, began = [], 0
     for run in range(2):
-        word = message("episode", 0, **{**waiting, "episode": 0, "phase": 0, "touchdowns": 0})
-        messages.append(("episode", began, word))
+        messages.append(("episode", began, first_word()))
         once = ("policy_swap", "controller_settings") if run else ()
         messages += [(topic, began + tick * TICK_NS, what) for topic, tick, what in told(walk) if topic not in once]
         began += (len(walk.records) + 2) * TICK_NS
@@ -45,9 +49,7 @@ def test_a_recorder_ends_where_another_simulator_begins(tmp_path: Path, walk: Wa
     """By the first state that goes back behind a first word; one that goes on shows that the word was latched."""
     states = [state_message(record.state) for record in walk.records[:3]]
     data = [bytes(TYPES.serialize_cdr(state, "rabbit_msgs/msg/RobotState")) for state in states]
-    waiting = {"seed": 0, "stones": 2, "reason": "", "policy_version": "", "sigma": float("nan"), "outcome": ""}
-    first_word = message("episode", 0, **{**waiting, "episode": 0, "phase": 0, "touchdowns": 0})
-    word = bytes(TYPES.serialize_cdr(first_word, "rabbit_msgs/msg/Episode"))
+    word = bytes(TYPES.serialize_cdr(first_word(), "rabbit_msgs/msg/Episode"))
     time = SimulatedTime(tmp_path)
     for topic, each in (("episode", word), ("state", data[0]), ("state", data[1]), ("episode", word)):
         time.of(topic, "simulator", each)

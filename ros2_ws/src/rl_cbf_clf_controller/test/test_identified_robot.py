@@ -7,17 +7,14 @@ import casadi as ca
 import numpy as np
 import pytest
 from cbf_clf_qp.estimates import Estimates
-from rabbit_description.gait import load_gait
-from rabbit_description.state import DOF, TICK_SECONDS, RobotState, StonePreview
-from rl_cbf_clf_controller.controller import Controller
+from rabbit_description.state import DOF, TICK_SECONDS
 from rl_cbf_clf_controller.identification import RATE_NOISE, SIZE, is_physical
 from rl_cbf_clf_controller.identified_robot import KNOWN, NOISE_WEIGHT, PITCH, after_tick, first_known, rate_variance
-from rl_cbf_clf_controller.parameters import load_parameters
-from rl_cbf_clf_controller.policy import Policy, ZeroPolicy
+from rl_cbf_clf_controller.policy import Policy
 from rl_cbf_clf_controller.robot_numbers import read_robot
 from rl_cbf_clf_controller.scene import ControllerError, Scene
+from walking_states import make_controller, state_of
 
-GAIT = load_gait("authors_035")
 STANDING = np.array([[0.0, 300.0], [0.0, 0.0]])
 TORQUE = np.array([10.0, -20.0, 30.0, 5.0])
 NONE = Estimates.zero(5, 4)
@@ -25,12 +22,7 @@ ONE = pytest.mark.parametrize("state", [0], indirect=True)
 
 
 def controller(policy=None, **changes):
-    parameters = load_parameters("ours", controller="rl-cbf-clf-qp", gait="authors_035", **changes)
-    return Controller(parameters, GAIT, policy or ZeroPolicy(parameters.problem))
-
-
-def state_of(q, dq):
-    return RobotState(0, q, dq, np.zeros((2, 2)), np.zeros(2, bool), 0, StonePreview(1, 0.35, 0.40))
+    return make_controller(policy, controller="rl-cbf-clf-qp", gait="authors_035", **changes)
 
 
 @cache

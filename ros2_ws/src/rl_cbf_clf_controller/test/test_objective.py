@@ -16,30 +16,22 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from rabbit_description import DEFAULT_GAIT
 from rabbit_description.gait import load_gait
-from rabbit_description.state import RobotState, StonePreview
-from rl_cbf_clf_controller.controller import Controller
-from rl_cbf_clf_controller.parameters import load_parameters
-from rl_cbf_clf_controller.policy import Policy, ZeroPolicy
+from rl_cbf_clf_controller.policy import Policy
 from rl_cbf_clf_controller.recipes import MU_WEIGHT, pd_centred
 from rl_cbf_clf_controller.scene import ControllerError
+from walking_states import make_controller, state_of
 
 GAIT = load_gait(DEFAULT_GAIT)
 
 
 def controller(policy=None, **changes):
-    parameters = load_parameters("ours", controller="rl-cbf-clf-qp", **changes)
-    return Controller(parameters, GAIT, policy or ZeroPolicy(parameters.problem))
-
-
-def start():
-    q, dq = GAIT.x_start
-    return RobotState(0, q, dq, np.zeros((2, 2)), np.array([True, False]), 0, StonePreview(1, 0.35, 0.40))
+    return make_controller(policy, controller="rl-cbf-clf-qp", **changes)
 
 
 def test_without_a_binding_row_mu_follows_the_pd_law():
     """(I + mu_weight) mu = v_PD where no error is known."""
     built = controller(objective="pd_centred", torque_limit=1e4, force_rows=False, barrier_rows=False)
-    beside = replace(start(), q=GAIT.x_start[0] + np.array([0, 0, 0, 0.02, -0.03, 0.04, 0.05]))
+    beside = replace(state_of(*GAIT.x_start), q=GAIT.x_start[0] + np.array([0, 0, 0, 0.02, -0.03, 0.04, 0.05]))
     output, p = built.step(beside), built.parameters
     y, dy = np.split(output.eta, 2)
     wanted = -y / p.eps**2 - np.sqrt(3) * dy / p.eps
@@ -58,9 +50,9 @@ class Untold(Policy):
 
 def test_the_pd_centred_objective_needs_the_output_error():
     for adaptation in ("none", "identification"):
-        assert controller(Untold(), adaptation=adaptation).step(start()).policy_version == "untold"
+        assert controller(Untold(), adaptation=adaptation).step(state_of(*GAIT.x_start)).policy_version == "untold"
         with pytest.raises(ControllerError, match="objective pd_centred: expected a structured policy"):
-            controller(Untold(), adaptation=adaptation, objective="pd_centred").step(start())
+            controller(Untold(), adaptation=adaptation, objective="pd_centred").step(state_of(*GAIT.x_start))
 
 
 @pytest.mark.parametrize("solver", ["daqp", "osqp"])
@@ -85,22 +77,15 @@ def test_pd_centred_is_least_squares(solver):
 
 numbers = st.floats(allow_nan=False, allow_infinity=False)
 states = st.tuples(*(arrays(float, n, elements=st.just(0.0) | numbers) for n in (7, 7, 4, 4)))
-FAST = tuple(np.zeros(n) if n != 7 else GAIT.x_start[0] for n in (7,)) + (
-    np.full(7, 1e154), np.zeros(4), np.zeros(4),
-)  # fmt: skip
+FAST = GAIT.x_start[0], np.full(7, 1e154), np.zeros(4), np.zeros(4)
 
 
-@cache
-def make(objective, sigma):
-    """Its limit is 150 N m."""
-    parameters = load_parameters("ours", objective=objective, sigma=sigma, torque_limit=150.0)
-    return Controller(parameters, GAIT, ZeroPolicy(parameters.problem))
+make = cache(make_controller)
 
 
-def state_of(numbers, tick=0):
+def hostile(numbers, tick=0):
     q, dq, force, applied = numbers
-    stone, contact = StonePreview(1, 0.35, 0.40), np.array([True, False])
-    return RobotState(tick, q, dq, force.reshape(2, 2), contact, 0, stone, applied=applied)
+    return state_of(q, dq, tick, foot_force=force.reshape(2, 2), applied=applied)
 
 
 @pytest.mark.parametrize(("objective", "sigma"), [("paper", 0.0), ("pd_centred", 20.0)])
@@ -108,11 +93,11 @@ def state_of(numbers, tick=0):
 @given(states)
 @example(FAST)
 def test_a_torque_is_finite_and_within_its_limit(objective, sigma, numbers):
-    controller = make(objective, sigma)
+    controller = make(objective=objective, sigma=sigma, torque_limit=150.0)
     controller.reset(0)
     for tick in range(2):
         try:
-            acted = controller.act(state_of(numbers, tick))
+            acted = controller.act(hostile(numbers, tick))
         except (ControllerError, np.linalg.LinAlgError):
             return  # which ends the episode with its words
         assert np.abs(acted.torque).max() <= 150.0
@@ -120,7 +105,5 @@ def test_a_torque_is_finite_and_within_its_limit(objective, sigma, numbers):
 
 
 def test_a_joint_that_is_too_fast_ends_the_episode():
-    controller = make("paper", 0.0)
-    controller.reset(0)
-    acted = controller.act(state_of(FAST))
+    acted = controller(objective="paper").act(hostile(FAST))
     assert acted.fault.split(":")[0] in ("no solver answered", "torque not finite")
