@@ -5,7 +5,7 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -62,22 +62,26 @@ def bench(seed: int) -> dict[str, float]:
     return figures | cbfpy_ratios()
 
 
-def act_us(assembly: Assembly, seed: int) -> tuple[float, float]:
-    """`Controller.act` of the ticks of a walk, compiled where that is allowed: median and p99."""
+def ticks_of(assembly: Assembly, seed: int) -> Iterator[tuple[Any, float]]:
+    """Of a walk, compiled where that is allowed: the plant as each tick begins, and the time of `Controller.act`, s."""
     simulation, controller = assembly.build()
     controller.compile(wait=True)
-    times = list[float]()
     with closing(simulation):
         state = simulation.reset(seed)
         controller.reset(seed)
         while state.running:
             start = time.perf_counter()
             acted = controller.act(state)
-            times.append(time.perf_counter() - start)
+            yield simulation.plant, time.perf_counter() - start
             if acted.fault:
                 break
             state = simulation.step(acted.torque)
-    median, high = np.percentile(np.array(times[WARM_UP:]) * 1e6, [50, 99])
+
+
+def act_us(assembly: Assembly, seed: int) -> tuple[float, float]:
+    """`Controller.act` of the ticks of a walk: median and p99."""
+    times = np.array([seconds for _, seconds in ticks_of(assembly, seed)])
+    median, high = np.percentile(times[WARM_UP:] * 1e6, [50, 99])
     return float(median), float(high)
 
 
@@ -91,44 +95,28 @@ def walk_over_engine(assembly: Assembly, seed: int) -> float:
 
 def bare_seconds(assembly: Assembly, seed: int) -> float:
     """Median time of a tick's substeps, once more from where the plant stands now and then."""
-    simulation, controller = assembly.build()
-    steps, times = bare_steps(simulation.plant), list[float]()
-    with closing(simulation):
-        state = simulation.reset(seed)
-        controller.reset(seed)
-        while state.running:
-            if state.tick % BARE_EVERY == 0:
-                times.append(steps())
-            state = simulation.step(controller.act(state).torque)
-    return float(np.median(times))
+    plants = enumerate(ticks_of(assembly, seed))
+    return float(np.median([bare_steps(plant) for tick, (plant, _) in plants if tick % BARE_EVERY == 0]))
 
 
-def bare_steps(plant: Any) -> Callable[[], float]:
-    """What times ten bare steps from where the plant stands, and puts it back."""
+def bare_steps(plant: Any) -> float:
+    """The time of ten bare steps from where the plant stands, s; it is there again afterwards."""
     if (client := getattr(plant, "_client", None)) is not None:
-
-        def steps() -> float:
-            state, start = client.saveState(), time.perf_counter()
-            for _ in range(SUBSTEPS):
-                client.stepSimulation()
-            seconds = time.perf_counter() - start
-            client.restoreState(state)
-            client.removeState(state)
-            return seconds
-
-        return steps
+        state, start = client.saveState(), time.perf_counter()
+        for _ in range(SUBSTEPS):
+            client.stepSimulation()
+        seconds = time.perf_counter() - start
+        client.restoreState(state)
+        client.removeState(state)
+        return seconds
     import mujoco
 
-    scratch, model, data = mujoco.MjData(plant.model), plant.model, plant._data
-
-    def mujoco_steps() -> float:
-        mujoco.mj_copyData(scratch, model, data)
-        start = time.perf_counter()
-        for _ in range(SUBSTEPS):
-            mujoco.mj_step(model, scratch)
-        return time.perf_counter() - start
-
-    return mujoco_steps
+    scratch = mujoco.MjData(plant.model)
+    mujoco.mj_copyData(scratch, plant.model, plant._data)
+    start = time.perf_counter()
+    for _ in range(SUBSTEPS):
+        mujoco.mj_step(plant.model, scratch)
+    return time.perf_counter() - start
 
 
 def exported_tick(assembly: Assembly, seed: int) -> dict[str, float]:

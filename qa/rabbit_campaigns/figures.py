@@ -1,10 +1,13 @@
-"""The file of figures that a campaign leaves, with what made them; its tables on the screen."""
+"""The file of figures that a campaign leaves, with what made them; what it says on the screen."""
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from rabbit_common.exit_codes import Interrupted
+from rabbit_common.options import complaints, fail
 from rabbit_experiments import provenance
 
 
@@ -24,3 +27,16 @@ def print_table(head: Sequence[str], rows: Iterable[Sequence[str]], title: str =
     for row in rows:
         table.add_row(*row)
     Console().print(table)
+
+
+@contextmanager
+def under_way(folder: Path, *errors: type[Exception]) -> Iterator[Callable[[str], object]]:
+    """Gives what tells how far it is; a node's error, one of `errors` or a signal ends the command with one line."""
+    from rabbit_common.executables import LaunchError
+    from rich.console import Console
+
+    with complaints(LaunchError, *errors), Console().status("starting") as status:
+        try:
+            yield status.update
+        except Interrupted as error:
+            fail(f"stopped by {error}; what was recorded is in {folder}", code=error.code)

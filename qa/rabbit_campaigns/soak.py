@@ -91,24 +91,19 @@ def read_samples(path: Path) -> Samples:
     return {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
 
 
-def nodes_in(samples: Samples) -> list[str]:
-    """The nodes that were sampled."""
-    return [name.removesuffix("_memory") for name in samples if name.endswith("_memory")]
-
-
 def judge(samples: Samples) -> dict[str, Any]:
     """Growth of each node's memory, descriptors and threads and drift of the rate, against the bars."""
     seconds = samples["seconds"]
     first, last = windows(seconds)
     nodes: dict[str, dict[str, Any]] = {}
-    for node in nodes_in(samples):
+    for node in (name.removesuffix("_memory") for name in samples if name.endswith("_memory")):
         memory, descriptors, threads = (
             [float(np.median(samples[f"{node}_{what}"][part])) for part in (first, last)] for what in USAGE[:3]
         )
         growth = memory[1] / memory[0] - 1
         nodes[node] = {"memory_mb": memory, "growth": growth, "descriptors": descriptors, "threads": threads}
     cpu_ms, drift = _processor_time(samples)
-    rate = [_slope(seconds, samples["ticks"], part) for part in (first, last)]
+    rate = [float(np.ptp(samples["ticks"][part]) / max(np.ptp(seconds[part]), 1e-9)) for part in (first, last)]
     bars = {
         "memory": max(node["growth"] for node in nodes.values()) <= GROWTH_LIMIT,
         "descriptors": all(node["descriptors"][1] <= node["descriptors"][0] for node in nodes.values()),
@@ -161,8 +156,3 @@ def _processor_time(samples: Samples) -> tuple[float, list[float]]:
     slope, _, low, high = theilslopes((used - by_second * passed) / made, middles, 0.95)
     median = float(np.median(used / made))
     return median, [float(value * (seconds[-1] - seconds[0]) / median) for value in (slope, low, high)]
-
-
-def _slope(x: NDArray[np.float64], y: NDArray[np.float64], part: NDArray[np.bool_]) -> float:
-    x, y = x[part], y[part]
-    return float((y[-1] - y[0]) / max(x[-1] - x[0], 1e-9))

@@ -17,15 +17,7 @@ from rabbit_experiments.tables import read_rows, write_rows
 from rabbit_recording.reader import RecordedEpisode, iterate_episodes
 from rl_cbf_clf_controller.fitted_policy import fitted
 from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_cbf_clf_controller.weights import (
-    PROBE,
-    SHIPPED,
-    PolicyFile,
-    PolicyFileError,
-    policy_path,
-    probe_outputs,
-    read,
-)
+from rl_cbf_clf_controller.weights import PROBE, SHIPPED, PolicyFile, PolicyFileError, policy_path, probe_outputs, read
 
 OPERATIONS = "operations.csv"
 KINDS = (

@@ -1,6 +1,7 @@
 """Tests that start nodes: on this machine only, each worker on a ROS domain of its own."""
 
 import os
+import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -15,6 +16,17 @@ SHORT = {"motor_lag": 0.004, "stones": 3}  # a plant for tests that need a walk,
 os.environ["ROS_DOMAIN_ID"] = str(1 + os.getpid() % DOMAINS)
 choose_network()
 os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+
+def make_package(prefix: Path, name: str, programs: dict[str, str]) -> dict[str, str]:
+    """Put a package with these executables into a prefix; the environment in which it is sourced."""
+    (folder := prefix / "lib" / name).mkdir(parents=True)
+    (index := prefix / "share" / "ament_index" / "resource_index" / "packages").mkdir(parents=True)
+    (index / name).touch()
+    for executable, text in programs.items():
+        (folder / executable).write_text(f"#!{sys.executable}\n{text}")
+        (folder / executable).chmod(0o755)
+    return {"AMENT_PREFIX_PATH": f"{prefix}:{os.environ['AMENT_PREFIX_PATH']}"}
 
 
 class World:

@@ -21,6 +21,8 @@ from rabbit_recording.reader import iterate_episodes
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
+from .conftest import make_package
+
 ROOT = Path(__file__).parents[2]
 FILE = ROOT / "ros2_ws" / "src" / "rabbit_bringup" / "launch" / "walk.launch.py"
 LAUNCH = """
@@ -55,9 +57,6 @@ MONITOR = """
 import rclpy
 from rabbit_common.ros.qos import EVENT, TICK
 from rabbit_msgs.msg import Episode
-from rabbit_recording.reader import iterate_episodes
-from rabbit_sim.parameters import SimulationParameters
-from rl_cbf_clf_controller.parameters import ControllerParameters
 from sensor_msgs.msg import JointState
 
 def take(side, episode):
@@ -85,27 +84,13 @@ needs_launch = pytest.mark.skipif(
 )
 
 
-@pytest.fixture
-def users_prefix(tmp_path: Path) -> Path:
-    """A prefix with a package that has a controller and a monitor; both write what they did."""
-    prefix = tmp_path / "prefix"
-    (folder := prefix / "lib" / "my_package").mkdir(parents=True)
-    (index := prefix / "share" / "ament_index" / "resource_index" / "packages").mkdir(parents=True)
-    (index / "my_package").touch()
-    for name, text in {"my_controller": OWN_CONTROLLER, "my_monitor": MONITOR}.items():
-        (folder / name).write_text(f"#!{sys.executable}\n{text}")
-        (folder / name).chmod(0o755)
-    return prefix
-
-
 @needs_launch
-def test_a_users_launch_file_starts_two_graphs_replaces_a_controller_and_goes_on(
-    tmp_path: Path, users_prefix: Path
-) -> None:
+def test_a_users_launch_file_starts_two_graphs_replaces_a_controller_and_goes_on(tmp_path: Path) -> None:
     """The one of docs/operations.md."""
     text = (ROOT / "docs" / "operations.md").read_text(encoding="utf-8")
     (file := tmp_path / "two.launch.py").write_text(text.split("```python\n")[1].split("```")[0])
-    environment = {**os.environ, "AMENT_PREFIX_PATH": f"{users_prefix}:{os.environ['AMENT_PREFIX_PATH']}"}
+    programs = {"my_controller": OWN_CONTROLLER, "my_monitor": MONITOR}
+    environment = {**os.environ, **make_package(tmp_path / "prefix", "my_package", programs)}
     command = [sys.executable, "-u", "-c", LAUNCH, str(file)]
     with subprocess.Popen(command, cwd=tmp_path, env=environment, stdout=subprocess.PIPE, text=True) as running:
         assert running.stdout is not None

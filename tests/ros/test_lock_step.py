@@ -3,36 +3,20 @@
 from pathlib import Path
 from typing import Any
 
+import drawn_runs
 import numpy as np
 import pytest
 from rabbit_bringup.launching.walk import WalkOptions, WalkSettings
 from rabbit_bringup.ros.walk_monitor import walk_through
-from rabbit_description.gait import load_gait
-from rabbit_experiments.assembly import make_simulation
+from rabbit_experiments.assembly import Assembly
 from rabbit_recording.reader import RecordedEpisode, messages, read_episodes
 from rabbit_sim.parameters import SimulationParameters
-from rabbit_sim.simulation import Simulation
-from rl_cbf_clf_controller.controller import Controller
-from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_cbf_clf_controller.policy import ZeroPolicy
-from rl_trainer.rollout import Record, rollout
+from rl_trainer.rollout import Record
 from rosbags.highlevel import AnyReader
+from walked import walked
 
 SEED = 9001
-UNTIMED = [name for name in ControllerOutput.__dataclass_fields__ if name != "solve_seconds"]
-
-
-def walk_in_process(
-    plant: SimulationParameters, parameters: ControllerParameters, seed: int
-) -> tuple[list[Record], Simulation]:
-    """The reference."""
-    gait = load_gait(parameters.gait)
-    simulation = make_simulation(plant, gait)
-    records: list[Record] = []
-    rollout(simulation, Controller(parameters, gait, ZeroPolicy(parameters.problem)), seed, records.append)
-    simulation.close()
-    return records, simulation
 
 
 def walk_through_nodes(
@@ -46,18 +30,14 @@ def walk_through_nodes(
 
 def assert_same(through: list[Record], inside: list[Record]) -> None:
     """Every tick, every figure but the solver's wall time."""
-    assert [record.state.tick for record in through] == [record.state.tick for record in inside]
-    for ours, theirs in zip(through, inside, strict=True):
-        for name in ("q", "dq", "foot_force", "contact", "touchdowns", "preview"):
-            np.testing.assert_array_equal(getattr(ours.state, name), getattr(theirs.state, name), f"{name}")
-        for name in UNTIMED:
-            np.testing.assert_array_equal(getattr(ours.output, name), getattr(theirs.output, name), f"{name}")
+    found, expected = ([drawn_runs.Tick.of(record) for record in records] for records in (through, inside))
+    drawn_runs.assert_same(found, expected, "a walk", "through nodes")
 
 
 def test_nodes_equal_the_walk_without_ros(tmp_path: Path) -> None:
     plant, parameters = SimulationParameters(stones=8, motor_lag=0.004), ControllerParameters()
     (ended,) = walk_through_nodes(tmp_path, plant, parameters, namespace="here")
-    inside, simulation = walk_in_process(plant, parameters, SEED)
+    inside, simulation = walked(Assembly(plant, parameters, "zero"), SEED)
     episode: RecordedEpisode = read_episodes(tmp_path / "recording")[1]
     assert_same(episode.records, inside)
     assert (episode.seed, episode.outcome, episode.lost) == (SEED, simulation.outcome.value, 0)
@@ -83,7 +63,7 @@ def test_adaptation_through_nodes_is_the_one_in_process(tmp_path: Path) -> None:
     walk_through_nodes(tmp_path, plant, parameters, episodes=2)
     episodes = read_episodes(tmp_path / "recording")
     for number in (1, 2):
-        inside, _ = walk_in_process(plant, parameters, SEED + number - 1)
+        inside, _ = walked(Assembly(plant, parameters, "zero"), SEED + number - 1)
         assert inside[-1].output.identified[0] == pytest.approx(30.0, rel=0.1)  # the torso, kg
         assert_same(episodes[number].records, inside)
 
@@ -95,7 +75,7 @@ def test_a_state_estimated_through_nodes_is_the_one_in_process(tmp_path: Path) -
     ended = walk_through_nodes(tmp_path, plant, parameters, episodes=2)
     episodes = read_episodes(tmp_path / "recording")
     for number in (1, 2):
-        inside, simulation = walk_in_process(plant, parameters, SEED + number - 1)
+        inside, simulation = walked(Assembly(plant, parameters, "zero"), SEED + number - 1)
         assert_same(episodes[number].records, inside)
         assert ended[number - 1].outcome == simulation.outcome.value
     true = [m for topic, m in messages(tmp_path / "recording", "true_state") if m.episode == 2]

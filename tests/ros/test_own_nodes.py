@@ -22,9 +22,10 @@ from rabbit_description.state import ACTUATED
 from rabbit_recording.contents import contents
 from rabbit_recording.reader import read_episodes
 from rl_cbf_clf_controller.ros.robot_controller import yaw_of
-from rl_trainer.rollout import Record
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
+
+from .conftest import make_package
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 WALK = ("--terrain", "flat", "--stones", "3", "--ready-timeout", "180")
@@ -39,20 +40,6 @@ def example(name: str, *words: str) -> Iterator[subprocess.Popen[bytes]]:
     finally:
         process.kill()
         process.wait()
-
-
-@pytest.fixture
-def package(tmp_path: Path) -> dict[str, str]:
-    """The environment in which a package `stranger` with the controller is sourced."""
-    prefix = tmp_path / "install"
-    index = prefix / "share" / "ament_index" / "resource_index" / "packages" / "stranger"
-    executable = prefix / "lib" / "stranger" / "pd"
-    for path in (index, executable):
-        path.parent.mkdir(parents=True)
-        path.touch()
-    executable.write_text(f"#!{sys.executable}\n{(EXAMPLES / 'own_controller_node.py').read_text()}")
-    executable.chmod(0o755)
-    return {"AMENT_PREFIX_PATH": f"{prefix}:{os.environ['AMENT_PREFIX_PATH']}"}
 
 
 def assert_shown_and_checked(recording: Path) -> None:
@@ -75,7 +62,8 @@ def assert_shown_and_checked(recording: Path) -> None:
     assert page.is_file()
 
 
-def test_a_controller_of_another_package_walks(tmp_path: Path, package: dict[str, str]) -> None:
+def test_a_controller_of_another_package_walks(tmp_path: Path) -> None:
+    package = make_package(tmp_path / "install", "stranger", {"pd": (EXAMPLES / "own_controller_node.py").read_text()})
     folder, port = tmp_path / "walk", free_port()
     words = (*WALK, "--controller", "stranger/pd", "--out", folder, "--view", "--view-port", port, "--pace", "2")
     process = subprocess.Popen([*RABBIT, "walk", *map(str, words)], env={**os.environ, **package})
@@ -174,41 +162,25 @@ def test_a_signal_ends_an_example_without_a_traceback(name: str, number: signal.
 VIEWED = ("--no-pictures", "--no-video", "--no-trainer", "--stones", "4", "--seed", "4", "--view")
 
 
-class Seen:
-    """What a client saw of a walk, by tick, and what was recorded of it."""
-
-    def __init__(self, folder: Path) -> None:
-        port = free_port()
-        command = [*RABBIT, "walk", "--out", str(folder), *VIEWED, "--view-port", str(port)]
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-        with PageClient(f"http://127.0.0.1:{port}", timeout=300, watches=False) as client:
-            while process.poll() is None:
-                client.hear(0.5)
-        self.about = client.words["about"]
-        self.refused = client.words.get("refused")
-        self.rows = {int(row[0]["tick"]): row[0] for row in client.rows}
-        self.said, errors = process.communicate()
-        assert process.returncode == 0, errors
-        self.records: dict[int, Record] = {
-            record.state.tick: record for record in read_episodes(folder / "recording")[1].records
-        }
-
-
-@pytest.fixture(scope="module")
-def seen(tmp_path_factory: pytest.TempPathFactory) -> Seen:
-    """One walk at the pace of real time, for all tests here."""
-    return Seen(tmp_path_factory.mktemp("viewed") / "walk")
-
-
-def test_rows_are_the_recorded_ticks(seen: Seen) -> None:
-    assert len(seen.rows) >= 10
-    for tick, row in seen.rows.items():
-        record = seen.records[tick]
+def test_rows_are_the_recorded_ticks(tmp_path: Path) -> None:
+    """Of a walk that is watched at the pace of real time."""
+    port, folder = free_port(), tmp_path / "walk"
+    words = (*RABBIT, "walk", "--out", str(folder), *VIEWED, "--view-port", str(port))
+    process = subprocess.Popen(words, stdout=subprocess.DEVNULL)
+    with PageClient(f"http://127.0.0.1:{port}", timeout=300, watches=False) as client:
+        while process.poll() is None:
+            client.hear(0.5)
+    assert process.returncode == ExitCode.WALKED
+    records = {record.state.tick: record for record in read_episodes(folder / "recording")[1].records}
+    rows = {int(row["tick"]): row for (row,) in client.rows}
+    assert len(rows) >= 10
+    for tick, row in rows.items():
+        record = records[tick]
         output, force = record.output, record.state.foot_force[record.output.stance]
         assert row["V"] == np.float32(output.V)
         np.testing.assert_array_equal([row["B1"], row["B2"]], output.barriers.astype(np.float32))
         np.testing.assert_array_equal([row["F_T"], row["F_N"]], force.astype(np.float32))
-        applied = seen.records[tick - 1].output.torque if tick else np.full(4, np.nan)  # over the tick that ended
+        applied = records[tick - 1].output.torque if tick else np.full(4, np.nan)  # over the tick that ended
         torque = [row[f"torque_{joint}"] for joint in ACTUATED]
         np.testing.assert_array_equal(torque, applied.astype(np.float32))
         ratio = force_ratio(force)

@@ -1,8 +1,7 @@
 """A robot in a physics engine that speaks ros2_control's standard topics, as one in `mujoco_ros2_control` does.
 
 It hangs still in the first state of a walk until it is commanded; then its clock runs, whoever answers, and the newest
-command acts, for as long as its drives hear one. As it ends it prints how it went, and how old commands were when they
-came.
+command acts, for as long as its drives hear one. As it ends it prints how it went.
 """
 
 import json
@@ -29,7 +28,7 @@ HUNG_TICKS = 20  # of the wall clock, from one word of a robot that hangs and wa
 class StandIn:
     """Runs at `pace` times real time. `waits`: for a command to each tick; `timeout`: of its drives, s.
 
-    From tick `wrong_from` on, if that is not 0, its sensors are `wrong`: silent, slow, skew, back or frozen.
+    From tick `wrong_from` on, if that is not 0, its sensors are `wrong`: silent, back or frozen.
     """
 
     def __init__(self, node, plant, gait, seed, pace, waits, timeout, wrong, wrong_from):
@@ -37,20 +36,17 @@ class StandIn:
         self.timeout, self.commanded, self.answered = timeout, time.monotonic(), (None, np.zeros(4))
         self.simulation = Simulation(plant, load_gaits(gait))
         self.state = self.simulation.reset(seed)
-        self.torque, self.last, self.clock, self.ages = np.zeros(4), np.zeros(4), 1, []
+        self.torque, self.last, self.clock = np.zeros(4), np.zeros(4), 1
         self.joints = node.create_publisher(JointState, "joint_states", qos_profile_sensor_data)
         self.imu = node.create_publisher(Imu, "imu", qos_profile_sensor_data)
         names = [f"{foot}_foot/wrench" for foot in ("left", "right")]
         self.feet = [node.create_publisher(WrenchStamped, name, qos_profile_sensor_data) for name in names]
         node.create_subscription(Float64MultiArray, "commands", self.on_command, 10)
         node.create_subscription(JointState, "stamped_commands", self.on_stamped, 10)  # says which tick is answered
-        self.sent = time.monotonic()
         node.create_timer(TICK_SECONDS / pace, self.tick)
 
     def on_command(self, message):
         self.torque, self.commanded = np.array(message.data), time.monotonic()
-        if self.torque.any():
-            self.ages.append((time.monotonic() - self.sent) * 1e3)
 
     def on_stamped(self, message):
         self.answered = message.header.stamp, np.array(message.effort)
@@ -72,13 +68,12 @@ class StandIn:
             self.last = self.torque
             self.state = self.simulation.step(self.torque)
         wrong = self.wrong if 0 < self.wrong_from < self.state.tick else ""
-        self.clock += 2 if wrong == "slow" else 1
+        self.clock += 1
         if wrong != "silent":
             self.speak(wrong)
 
     def speak(self, wrong):
         at, truth = header(self.clock), self.simulation.reading.q
-        self.sent = time.monotonic()
         sensors = self.state.sensors
         if not self.state.tick:  # it hangs: its accelerometer feels its weight
             felt = 9.81 * np.array([-np.sin(sensors.attitude), np.cos(sensors.attitude)])
@@ -90,8 +85,6 @@ class StandIn:
             self.frozen = joints.position, joints.velocity
         if wrong == "back":
             joints.header = header(1)
-        if wrong == "skew":
-            imu.header = header(self.clock + 500)
         for name in ("name", "position", "velocity", "effort"):  # a broadcaster has an order of its own
             setattr(joints, name, getattr(joints, name)[::-1])
         self.joints.publish(joints)
@@ -113,9 +106,8 @@ def main():
     while time.monotonic() < end and rests < 200:
         rclpy.spin_once(node, timeout_sec=0.01)
         rests = rests + 1 if robot.state.tick and not (robot.state.running and robot.torque.any()) else 0
-    ages = np.percentile(robot.ages, (50, 99, 100)).round(2).tolist() if robot.ages else []
     said = {"outcome": robot.simulation.outcome.value, "stones": robot.state.touchdowns, "ticks": robot.state.tick}
-    print(json.dumps({**said, "ages_ms": ages, "torque": robot.torque.tolist()}), flush=True)
+    print(json.dumps({**said, "torque": robot.torque.tolist()}), flush=True)
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ from rl_cbf_clf_controller.fitted_policy import fitted
 from rl_cbf_clf_controller.parameters import ControllerParameters, load_parameters
 from rl_cbf_clf_controller.weights import PolicyFile, PolicyFileError, policy_path, read
 from rl_trainer.parameters import TrainingParameters
-from rl_trainer.rollout import Record, rollout
+from walked import walked
 
 TICKS = (0.01, 0.005, 0.002, 0.001)  # s
 FAST = ControllerParameters(controller="rl-cbf-clf-qp", tick_seconds=0.005)
@@ -79,20 +79,17 @@ def test_the_robot_is_identified_at_every_rate(tick: float) -> None:
     """It walks, and its mass is found, without an engine's contacts in between."""
     plant = SimulationParameters(plant="rigid", mass_scale=1.5, stones=4, stop_at_miss=False, tick_seconds=tick)
     best = load_parameters("best", tick_seconds=tick)
-    records: list[Record] = []
-    simulation, controller = Assembly(plant, best, "zero").build()
-    last = rollout(simulation, controller, 7, records.append)
-    assert last.touchdowns == 4
+    records, simulation = walked(Assembly(plant, best, "zero"), 7)
+    assert len(simulation.landings) == 4
     found, nominal = records[-1].output.identified, records[0].output.identified
     masses = [0, 4, 8]  # of torso, thighs and shins
     share = (found[masses] * [1, 2, 2]).sum() / (nominal[masses] * [1, 2, 2]).sum()
     assert share == pytest.approx(1.5, rel=0.05)
-    assert last.tick * tick == pytest.approx(1.6, abs=0.5)  # s
+    assert len(records) * tick == pytest.approx(1.6, abs=0.5)  # s
 
 
 def test_rabbit_walks_at_1_khz() -> None:
     plant = SimulationParameters(plant="mujoco", mass_scale=2.0, motor_lag=0.004, stones=5, tick_seconds=0.001)
-    simulation, controller = Assembly(plant, load_parameters("best", tick_seconds=0.001), "zero").build()
-    last = rollout(simulation, controller, 3)
-    assert (last.touchdowns, simulation.outcome.value) == (5, "walked")
-    assert last.tick > 1000
+    records, simulation = walked(Assembly(plant, load_parameters("best", tick_seconds=0.001), "zero"), 3)
+    assert (len(simulation.landings), simulation.outcome.value) == (5, "walked")
+    assert len(records) > 1000

@@ -9,23 +9,20 @@ from pydantic import Field
 from rabbit_bringup.commands.walk import DEFAULTS
 from rabbit_common.options import Given, fail, options
 from rabbit_common.own_folder import new_file
-from rabbit_description.validation import Checked
 from rabbit_experiments.commands.evaluate import given_assembly
+from rabbit_experiments.conditions import TuningOptions
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
 app = typer.Typer(add_completion=False)
 
 
-class BenchOptions(Checked):
+class BenchOptions(TuningOptions):
     """The options of `rabbit bench` besides plant and controller."""
 
     out: Path | None = Field(None, description="file for the figures (default: runs/DATE-bench.json)")
     seed: int = Field(9001, ge=0, le=2**32 - 1, description="seed of course and first state")
     policy: str | None = Field(None, description="zero, oracle, a shipped policy or a file")
-    parameters: str = Field(
-        "ours", description="file of controller parameters: ours, best, nominal_tuned, authors or a YAML file"
-    )
     batch: int = Field(
         0, ge=0, le=4096, description="robots that walk at once in MuJoCo, timed against the bare engine; 0: none"
     )
@@ -44,7 +41,7 @@ def bench(given: Given) -> None:
     out = new_file(request.out or Path("runs") / f"{datetime.now():%Y%m%d-%H%M%S}-bench.json")
     assembly = given_assembly(given, request.policy, request.parameters)
     from rabbit_campaigns import bench
-    from rabbit_campaigns.figures import write_figures
+    from rabbit_campaigns.figures import print_table, write_figures
 
     if request.batch and assembly.simulation.plant != "mujoco":
         fail(f"--batch {request.batch} with --plant {assembly.simulation.plant}: expected --plant mujoco")
@@ -55,16 +52,9 @@ def bench(given: Given) -> None:
         show_batch(figures)
     else:
         figures = bench.bench(request.seed)
-        show(figures)
+        print_table(("figure", ""), [(name, f"{value:.3g}") for name, value in figures.items()])
     write_figures(out, figures)
     print(f"written to {out}")
-
-
-def show(figures: dict[str, float]) -> None:
-    """On the screen."""
-    from rabbit_campaigns.figures import print_table
-
-    print_table(("figure", ""), [(name, f"{value:.3g}") for name, value in figures.items()])
 
 
 def show_batch(found: dict[str, Any]) -> None:

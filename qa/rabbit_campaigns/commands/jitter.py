@@ -9,10 +9,9 @@ from typing import Annotated, Any
 import typer
 from pydantic import Field
 from rabbit_bringup.commands.walk import DEFAULTS, assembly_of_nodes
-from rabbit_common.exit_codes import Interrupted
-from rabbit_common.options import Given, complaints, fail, options, tell_if_bare
+from rabbit_common.options import Given, options, tell_if_bare
 from rabbit_common.own_folder import new_folder
-from rabbit_description.validation import Checked
+from rabbit_experiments.conditions import TuningOptions
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
@@ -21,7 +20,7 @@ NOT_FIT = 1
 app = typer.Typer(add_completion=False)
 
 
-class JitterOptions(Checked):
+class JitterOptions(TuningOptions):
     """Options of `rabbit jitter` besides those of plant and controller."""
 
     out: Path | None = Field(None, description="folder for recordings and figures (default: runs/DATE-jitter)")
@@ -34,9 +33,6 @@ class JitterOptions(Checked):
     )
     seed: int = Field(1, ge=0, le=2**63 - 1, description="seed of the first episode")
     policy: str | None = Field(None, description="zero, a shipped policy or a file")
-    parameters: str = Field(
-        "ours", description="file of controller parameters: ours, best, nominal_tuned, authors or a YAML file"
-    )
 
 
 @app.command()
@@ -47,21 +43,16 @@ def jitter(given: Given, context: typer.Context) -> None:
     tell_if_bare(context, f"A walk of {told.minutes:g} minutes in real time. To begin:", "rabbit jitter --minutes 10")
     assembly = assembly_of_nodes(given, told.policy, told.parameters)
     folder = new_folder(told.out or Path("runs") / f"{datetime.now():%Y%m%d-%H%M%S}-jitter")
-    from rabbit_common.executables import LaunchError
     from rabbit_recording import RecordingError
-    from rich.console import Console
 
-    from rabbit_campaigns.figures import print_table, write_figures
+    from rabbit_campaigns.figures import print_table, under_way, write_figures
     from rabbit_campaigns.jitter import LATE_LIMIT, walk_beside
 
     cases = []
-    with complaints(LaunchError, RecordingError), Console().status("starting") as status:
-        try:
-            for case in itertools.product(told.neighbours, told.priority):
-                cases.append(walk_beside(assembly, folder, told.seed, *case, told.minutes * 60, status.update))
-                write_figures(folder / "jitter.json", {"cases": cases, "seed": told.seed})
-        except Interrupted as error:
-            fail(f"stopped by {error}; what was recorded is in {folder}", code=error.code)
+    with under_way(folder, RecordingError) as tell:
+        for case in itertools.product(told.neighbours, told.priority):
+            cases.append(walk_beside(assembly, folder, told.seed, *case, told.minutes * 60, tell))
+            write_figures(folder / "jitter.json", {"cases": cases, "seed": told.seed})
     head = ("times in ms", *(f"{row['neighbours']} neighbours" for row in cases))
     print_table(head, [(name, *map(tell, cases)) for name, tell in LINES.items()])
     print(f"written to {folder}")

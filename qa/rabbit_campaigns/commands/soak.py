@@ -8,10 +8,8 @@ import typer
 from pydantic import Field
 from rabbit_bringup.commands.walk import assembly_of_nodes, given_training, make_folder
 from rabbit_bringup.launching.walk import MOST_EPISODES, WalkOptions, WalkSettings
-from rabbit_common.exit_codes import Interrupted
 from rabbit_common.options import Defaults, Given, complaints, fail, options, tell_if_bare
-from rabbit_description.validation import Checked
-from rabbit_experiments.conditions import EVALUATION_LAG
+from rabbit_experiments.conditions import EVALUATION_LAG, TuningOptions
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
@@ -33,7 +31,7 @@ OF_WALK = {"out", "seed", "pace"}
 app = typer.Typer(add_completion=False)
 
 
-class SoakOptions(Checked):
+class SoakOptions(TuningOptions):
     """The options of `rabbit soak` besides plant and controller."""
 
     out: Path | None = Field(
@@ -45,9 +43,6 @@ class SoakOptions(Checked):
     )
     pace: float | None = Field(None, ge=0, le=100, description="times real time, at most; 0: no limit (default: 0)")
     seed: int = Field(1, ge=0, le=2**63 - 1, description="seed of the first episode and of the operations")
-    parameters: str = Field(
-        "ours", description="file of controller parameters: ours, best, nominal_tuned, authors or a YAML file"
-    )
 
 
 @app.command()
@@ -70,20 +65,15 @@ def soak(given: Given, context: typer.Context) -> None:
     training = given_training(options, assembly.controller, assembly.policy) | {"capacity": CAPACITY}
     further = {"simulator": {"trainer_timeout": TRAINER_TIMEOUT}}
     walk = WalkSettings.of(assembly, folder, options, training=training, further=further)
-    from rabbit_common.executables import LaunchError
     from rabbit_recording import RecordingError
-    from rich.console import Console
 
-    from rabbit_campaigns.figures import write_figures
+    from rabbit_campaigns.figures import under_way, write_figures
     from rabbit_campaigns.soak import SAMPLES, judge, read_samples
     from rabbit_campaigns.soak import soak as walk_on
     from rabbit_campaigns.soak_operations import judge_operations
 
-    with complaints(LaunchError, ValueError), Console().status("starting") as status:
-        try:
-            walk_on(walk, asked.minutes * 60, status.update, asked.operate_every)
-        except Interrupted as error:
-            fail(f"stopped by {error}; what was sampled is in {walk.folder}", code=error.code)
+    with under_way(folder, ValueError) as tell:
+        walk_on(walk, asked.minutes * 60, tell, asked.operate_every)
     with complaints(RecordingError):
         of_walk, bars = judge_operations(folder)
     figures = {**judge(read_samples(folder / SAMPLES)), **of_walk}
