@@ -230,6 +230,26 @@ def test_an_error_is_told_once_and_leaves_the_worker(
     assert "rabbit_napping.py" in said
 
 
+def test_a_killed_worker_and_a_stopped_one(started: Started, tmp_path: Path) -> None:
+    """Only what the killed one had is begun again; what the stopped one has ends when it goes on."""
+    started.scheduler()
+    workers = [started.worker() for _ in range(3)]
+    jobs, cache = naps(started, *[0.5] * 40), Cache(tmp_path / "cache")
+    running = Running(jobs, cache, started.address)
+    until(lambda: len({process for _, process in started.began}) == 3)
+    killed, stopped, _ = workers
+    stopped.send_signal(signal.SIGSTOP)
+    killed.kill()
+    until(lambda: len(running.kept) >= 37)
+    stopped.send_signal(signal.SIGCONT)
+    running.join()
+    assert is_kept(jobs, cache)
+    assert len(running.kept) == len({*running.kept}) == 40
+    twice = [number for number, count in Counter(number for number, _ in started.began).items() if count > 1]
+    assert len(twice) <= 1
+    assert all((number, killed.pid) in started.began for number in twice)
+
+
 def test_a_job_that_kills_its_workers_is_given_up(started: Started, tmp_path: Path) -> None:
     started.scheduler()
     jobs, cache = naps(started, 60.0), Cache(tmp_path / "cache")
@@ -257,6 +277,21 @@ def test_a_killed_scheduler_ends_the_run_which_goes_on_later(started: Started, t
     started.worker()
     engine.run(jobs, cache, started.address)
     assert {number for number, _ in started.began[begun:]} == {*range(12)} - kept
+
+
+def test_a_killed_client_goes_on_later(started: Started, tmp_path: Path) -> None:
+    started.scheduler()
+    started.worker()
+    jobs, cache = naps(started, *[0.3] * 12), Cache(tmp_path / "cache")
+    client = started.client(started.address)
+    until(lambda: cache.get(jobs[2]))
+    client.kill()
+    client.wait()
+    missing = sum(cache.get(job) is None for job in jobs)
+    assert 0 < missing < 12
+    assert engine.run(jobs, cache, started.address) == missing
+    assert is_kept(jobs, cache)
+    assert len(started.began) <= 12 + 2  # one was under way, one next
 
 
 def test_only_who_has_a_certificate_reaches_a_scheduler_with_tls(

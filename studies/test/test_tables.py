@@ -55,6 +55,19 @@ def test_a_command_names_what_there_is(name: str) -> None:
             assert variants(word)
 
 
+def test_a_queue_on_two_cores_ends_as_a_pencil_says(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Four jobs of 1 s, given out 10 ms apart: the second core begins at 20 ms and walks twice."""
+    monkeypatch.syspath_prepend(ROOT / "scripts")
+    from cluster_cost import Nothing, queue
+
+    hours, busy = queue({Nothing(number): 1.0 for number in range(4)}, 1, 2)
+    assert hours * 3600 == pytest.approx(2.02)
+    assert busy == pytest.approx(4 / (2 * 2.02))
+    hours, busy = queue({Nothing(0): 0.001}, 1000, 4)  # faster than they are given out
+    assert hours * 3600 == pytest.approx(10.001)
+    assert busy == pytest.approx(1 / (4 * 10.001))
+
+
 @pytest.mark.timeout(600)
 def test_a_table_that_was_stopped_goes_on_to_the_same_rows(tmp_path: Path) -> None:
     (listed := tmp_path / "tables.yaml").write_text(FEW)

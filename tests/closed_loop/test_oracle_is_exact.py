@@ -120,6 +120,25 @@ def test_without_it_the_reward_is_not(make_assembly: MakeAssembly) -> None:
     assert relative_error(*estimated_and_true(parts)).min() > 0.05
 
 
+@pytest.mark.parametrize("plant", PLANTS)
+def test_in_the_first_approach_outputs_accelerate_as_mu_says(
+    make_assembly: MakeAssembly, plant: dict[str, float]
+) -> None:
+    parts = make_assembly("io-rl-clf-qp", "oracle", plant="rigid", motor_lag=0.0, **plant)
+    simulation, controller = parts.build()
+    truth, pairs = Truth(parts.simulation), list[tuple[Array, Array]]()
+
+    def look(record: Record) -> None:
+        if record.state.tick < 30 and not record.output.saturated:
+            before, later = (controller.look(truth.after(record.state, record.output, h)) for h in (-SHORT, SHORT))
+            pairs.append((record.output.mu, (later.seen.eta - before.seen.eta)[4:] / (2 * SHORT)))
+
+    episode(simulation, controller, 1, look)
+    simulation.close()
+    mu, acceleration = (np.array(values) for values in zip(*pairs, strict=True))
+    assert relative_error(mu, acceleration).max() < 1e-6
+
+
 STEPS = 4
 
 

@@ -1,5 +1,7 @@
 """What the nodes do is what docs, parameter files and the SROS 2 policy say, and nothing else."""
 
+import inspect
+import re
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,7 +13,7 @@ import yaml
 from rabbit_bringup.launching.walk import WalkOptions
 from rabbit_bringup.ros.walk_monitor import WalkMonitor
 from rabbit_common.ros.topics import TOPICS
-from rclpy.node import NodeNameNonExistentError
+from rclpy.node import Node, NodeNameNonExistentError
 
 ROOT = Path(__file__).parents[2]
 BRINGUP = ROOT / "ros2_ws" / "src" / "rabbit_bringup"
@@ -25,6 +27,18 @@ def test_rosbag2_is_told_how_to_keep_every_tick() -> None:
         asked = (topic.qos.reliability.name.lower(), topic.qos.durability.name.lower(), "keep_last")
         assert (qos["reliability"], qos["durability"], qos["history"]) == asked
         assert qos["depth"] >= topic.qos.depth
+
+
+def test_no_node_hides_an_attribute_of_rclpy() -> None:
+    """rclpy's Node has private attributes of plain names; one of ours once took the place of its parameters."""
+    source = Path(inspect.getfile(Node)).read_text(encoding="utf-8")
+    theirs = set(dir(Node)) | set(re.findall(r"self\.(_[a-z]\w*)", source))
+    sources = ROOT / "ros2_ws" / "src"
+    for path in {*sources.glob("*/*/ros/*.py"), *sources.rglob("*node.py")}:
+        text = path.read_text(encoding="utf-8")
+        if "(Node)" in text:
+            ours = set(re.findall(r"self\.(\w+)(?:: [^=\n]+)? =", text)) | set(re.findall(r"def (\w+)\(self", text))
+            assert ours & theirs <= {"__init__"}, path
 
 
 POLICY = Path(__file__).parents[2] / "ros2_ws/src/rabbit_bringup/config/sros2_policy.xml"

@@ -68,6 +68,19 @@ def test_pause_holds_between_two_ticks_and_changes_nothing(world: Any) -> None:
     np.testing.assert_array_equal(torques(world, commands, episodes[-1]), first)
 
 
+def test_reset_ends_the_running_episode(world: Any) -> None:
+    episodes = world.hear("episode")
+    world.start("simulator", episodes=0, pace=1.0, **SHORT)
+    assert world.ask(ResetEpisode, "reset_episode", seed=3).message == "there is no controller"
+    world.start("controller")
+    world.go()
+    assert world.ask(ResetEpisode, "reset_episode", seed=3).success
+    assert world.ask(ResetEpisode, "reset_episode", seed=4).success
+    world.wait(lambda: episodes[-1].episode == 2)
+    assert [e.outcome for e in world.ends()] == ["reset"]
+    assert (episodes[-1].seed, episodes[-1].phase) == (4, Episode.RUNNING)
+
+
 def refusals(diagnostics: list[Any]) -> dict[str, int]:
     """What a node says it has refused."""
     return {v.key: int(v.value) for m in diagnostics for v in m.status[0].values if v.key.startswith("refused")}

@@ -146,6 +146,15 @@ def test_after_each_mutated_policy_a_good_one_is_taken(asked: Asked, tmp_path: P
     assert loaded < 0.1 * cases
 
 
+def test_zero_is_loaded_by_its_name(asked: Asked) -> None:
+    for _ in range(2):
+        asked.publish(sent(GOOD[0]))
+        asked.takes(GOOD[0].version)
+        answer = asked.load("zero")
+        assert (answer.success, answer.version, answer.message) == (True, "zero", "")
+        asked.takes("zero")
+
+
 def test_a_task_goes_back_to_nominal() -> None:
     """And to any other of its controllers that needs no file."""
     with controller(ControllerNode, f"task:={SEGWAY}") as asked:

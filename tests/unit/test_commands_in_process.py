@@ -13,6 +13,13 @@ from rl_cbf_clf_controller.weights import read
 from typer.testing import Result
 from untrained_policy import policy_file, policy_metadata
 
+KEYS = (
+    *("runs", "stones", "success_rate", "success_with_forces", "success_rate_ci95", "mean_stones", "std_stones"),
+    *("missed_stones", "falls", "max_force_ratio", "ticks_over_cone", "ticks_over_cone_at_impact"),
+    *("qp_unanswered_ticks", "slack_ticks", "tick_ms_p50", "tick_ms_p99", "real_time_factor"),
+    *("command", "versions", "parameters", "ecbf_start_violations", "rescue_ticks", "active_share"),
+)
+
 
 def evaluate(out: Path, *words: object) -> Result:
     """Short runs in this process."""
@@ -48,7 +55,7 @@ def test_files_of_an_evaluation(tmp_path: Path) -> None:
     done = evaluate(tmp_path, "--runs", 2, "--mass-scale", 1.1, "--eps", 0.06, "--no-force-rows", "--torque-limit", 150)
     assert done.exit_code == 0, done.output
     summary = json.loads((tmp_path / "summary.json").read_text())
-    assert {"command", "versions", "success_with_forces", "qp_unanswered_ticks"} <= summary.keys()
+    assert set(KEYS) <= summary.keys()
     assert summary["runs"] == len(rows(tmp_path)) == 2
     used = summary["parameters"]
     assert (used["simulation"]["mass_scale"], used["simulation"]["motor_lag"]) == (1.1, 0.004)

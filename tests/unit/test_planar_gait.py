@@ -37,6 +37,23 @@ def step(walker: Walker) -> RepeatedStep:
     return RepeatedStep(walker, impact_invariant(walker, LATER, 0.25), points=41)
 
 
+def test_the_outputs_are_zero_over_the_step_and_the_foot_rests(walker, step):
+    for instant, phase in zip(step.instants, step.phases, strict=True):
+        feet = walker.model.update(instant.q, instant.dq)
+        assert instant.q[:2] == pytest.approx(feet.hip, abs=1e-12)
+        assert instant.dq[:2] == pytest.approx(feet.hip_rate, abs=1e-12)
+        outputs = step.dynamics.constraints.evaluate(instant.q, instant.dq)
+        assert outputs.eta == pytest.approx(np.zeros(4), abs=1e-12)
+        assert outputs.phase == pytest.approx(phase, abs=1e-12)
+
+
+def test_the_impact_maps_the_end_to_the_beginning(walker, step):
+    assert step.exists
+    q, dq = walker.after_impact(step.instants[-1].q, step.instants[-1].dq)
+    assert q == pytest.approx(step.start[0], abs=1e-9)
+    assert dq == pytest.approx(step.start[1], abs=1e-7)
+
+
 def walk_through(walker, step, q, dq):
     """The whole pinned robot under exact input-output linearisation, from a state through the impact."""
 
@@ -61,7 +78,6 @@ def walk_through(walker, step, q, dq):
 
 def test_the_robot_walks_it_and_comes_back_by_the_eigenvalue(walker, step):
     """The Poincare map of the whole robot, restricted to the zero dynamics: its derivative is below 1."""
-    assert step.exists
     assert 0 < step.eigenvalue < 1
     q, dq = step.start
     back = walk_through(walker, step, q, dq)

@@ -28,6 +28,11 @@ def test_one_version_everywhere() -> None:
     assert {version for _, version in versions} == {CITATION["version"]}
 
 
+def test_the_author_of_each_package_is_who_is_cited() -> None:
+    (author,) = CITATION["authors"]
+    assert {manifest.findtext("author") for manifest in MANIFESTS} == {author["name"]}
+
+
 def test_keys_of_pip_are_those_of_the_page() -> None:
     """That rosdep knows each key, its own command says in CI."""
     page = (ROOT / "docs/ros_conventions.md").read_text(encoding="utf-8").split("## Keys of pip")[1].split("\n## ")[0]

@@ -5,6 +5,8 @@ import csv
 import gzip
 import json
 import re
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -66,6 +68,12 @@ def test_where_the_barrier_alone_decides_the_input_is_its_closed_form(task, cont
         assert m.u[0] == pytest.approx(mass * (POLE**2 * (1 - x) - 2 * POLE * v), abs=1e-4)
 
 
+def test_the_oracle_keeps_the_barrier_and_the_nominal_controller_does_not(task):
+    controller = TaskController(task)
+    assert all(ride_of(controller, "oracle", seed).is_kept for seed in range(5))
+    assert not any(ride_of(controller, "nominal", seed).is_kept for seed in range(5))
+
+
 def test_no_input_exceeds_its_limit_also_with_noise(task):
     ride = ride_of(TaskController(task), "nominal", 1, sigma=30.0)
     assert max(abs(m.u[0]) for m in ride.moments) == LIMIT
@@ -112,6 +120,18 @@ def test_what_does_not_fit_is_named(task, change, text):
 def test_a_source_without_a_task_is_named(source, text):
     with pytest.raises(TaskError, match=text):
         load_task(source)
+
+
+def test_the_same_seed_gives_the_same_ride_in_another_process_too(task, cart):
+    here = [m.u[0].hex() for m in ride_of(TaskController(task), "oracle", 7).moments]
+    code = (
+        "import sys; from rl_trainer.task_episode import ride_of; from rabbit_description.task_source import load_task;"
+        "from rl_cbf_clf_controller.task_controller import TaskController;"
+        "print(*[m.u[0].hex() for m in ride_of(TaskController(load_task(sys.argv[1])), 'oracle', 7).moments])"
+    )
+    told = subprocess.run([sys.executable, "-c", code, cart], capture_output=True, text=True, check=True)
+    assert told.stdout.split() == here
+    assert [m.u[0].hex() for m in ride_of(TaskController(task), "oracle", 8).moments] != here
 
 
 def test_measured_units_hold_the_errors_closed_form(task):

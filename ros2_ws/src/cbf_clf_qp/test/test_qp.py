@@ -1,4 +1,4 @@
-"""Seeded random programmes: KKT conditions in numpy, agreement of the solvers, what is not solved."""
+"""Seeded random programmes: KKT conditions in numpy, agreement of the solvers, who gives way first; objectives."""
 
 import subprocess
 import sys
@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.answer import TOLERANCE, Answering
-from cbf_clf_qp.qp import build_qp
+from cbf_clf_qp.qp import build_qp, nearest
 from cbf_clf_qp.quantity import HARD, Rows, at_least, at_most
 
 M, SOFT, LIMIT = 3, 5, 2.0  # inputs, soft rows; of |mu|
@@ -129,6 +129,31 @@ def test_beside_huge_slacks_an_answer_keeps_the_hard_rows_by_their_own_scale(sol
 
 
 @pytest.mark.parametrize("solver", ["daqp", "osqp"])
+def test_rows_give_way_in_order_of_their_weights(solver: str) -> None:
+    """CLF before barrier, barrier before the limit of the input, which never does."""
+    one = ca.SX.ones(1, 1)
+    goal, floor = ca.SX.sym("goal"), ca.SX.sym("floor")
+    rows = [
+        at_least(("CLF",), one, goal, 10.0, rescue=False),
+        at_most(("B",), one, floor, 1e6),
+        Rows(("u1",), one, ca.SX(-1), ca.SX(1)),
+    ]
+    layout, data = build_qp(rows, None, Affine.identity(1))
+    answering = Answering({"goal": goal, "floor": floor}, data, layout, solver)
+    cases = {(0.5, 0.8): (), (0.5, 0.2): ("CLF",), (5.0, -3.0): ("CLF", "B"), (3.0, 9.0): ("CLF",)}
+    for (low, high), giving in cases.items():
+        decided = answering(np.array([low]), np.array([high]))
+        assert decided.solved
+        assert abs(decided.u[0]) <= 1 + 1e-9
+        most = {name: slack for name, slack in decided.slack.items() if slack > 1e-4}
+        assert most.keys() >= set(giving)
+        if giving == ("CLF", "B"):  # u = -1, all of the limit goes to the barrier
+            assert decided.u[0] == pytest.approx(-1)
+            assert most == pytest.approx({"CLF": 6.0, "B": 2.0})
+    assert layout.rescues.tolist() == [False, True, False]
+
+
+@pytest.mark.parametrize("solver", ["daqp", "osqp"])
 def test_what_has_no_solution_is_not_solved(solver: str) -> None:
     """Hard rows in conflict."""
     low = ca.SX.sym("low")
@@ -179,3 +204,25 @@ def test_an_interrupt_while_osqp_solves_is_not_lost() -> None:
     """OSQP has a handler of its own for SIGINT while it solves; that one would stop it and tell nobody."""
     done = subprocess.run([sys.executable, "-c", INTERRUPTED], capture_output=True, text=True, timeout=180, check=False)
     assert (done.returncode, done.stdout, done.stderr) == (0, "300\n", "")
+
+
+M = 3
+
+
+def minimum(objective: Any, symbols: dict[str, ca.SX], solver: str, bound: float = 1e6) -> Any:
+    """mu as a function of the symbols' values; the one row, on mu's first component, does not matter if far."""
+    row = at_most(("far",), ca.SX.eye(M)[:1, :], ca.SX(bound), 1e3)
+    layout, data = build_qp([row], objective, Affine.identity(M))
+    answering = Answering(symbols, data, layout, solver)
+    return lambda *values: answering(*values).mu
+
+
+@pytest.mark.parametrize("solver", ["daqp", "osqp"])
+def test_nearest_gives_the_wanted_input(solver: str) -> None:
+    """Whatever its weights, where no row is active."""
+    a, b, wanted = ca.SX.sym("a", M, M), ca.SX.sym("b", M), ca.SX.sym("wanted", M)
+    objective = nearest(Affine(a, b), wanted, ca.SX([1, 2, 3]))
+    find, rng = minimum(objective, {"a": a, "b": b, "wanted": wanted}, solver), np.random.default_rng(0)
+    for _ in range(20):
+        matrix, offset, goal = rng.normal(size=(M, M)) + 3 * np.eye(M), rng.normal(size=M), rng.normal(size=M)
+        assert matrix @ find(matrix, offset, goal) + offset == pytest.approx(goal, abs=1e-8)

@@ -32,6 +32,18 @@ def test_a_derivative_is_the_difference_along_the_flow(make_plant: Any, name: st
         assert plant.number(y_dot, x, u) == pytest.approx((ahead - behind) / (2 * h), rel=1e-6, abs=1e-6)
 
 
+def test_the_power_of_a_double_pendulum_is_that_of_its_torques(make_plant: Any) -> None:
+    """E-dot = q-dot' u: an identity of M, h and the derivative, for every state and torque."""
+    plant, rng = make_plant("double_pendulum"), np.random.default_rng(2)
+    q, dq, tip = (plant.symbols[name] for name in ("q", "dq", "tip"))
+    speeds = dq[0] ** 2 * (1 + tip) / 2 + dq[1] ** 2 * tip / 2 + tip * dq[0] * dq[1] * ca.cos(q[0] - q[1])
+    heights = -(1 + tip) * 9.81 * ca.cos(q[0]) - tip * 9.81 * ca.cos(q[1])
+    power = plant.system.derivative(speeds + heights)
+    for _ in range(20):
+        x, u = rng.normal(size=4), rng.normal(size=2)
+        assert plant.number(power, x, u) == pytest.approx(x[2:] @ u, rel=1e-9, abs=1e-9)
+
+
 def test_a_wall_that_moves_is_in_both_derivatives(make_plant: Any) -> None:
     """B = wall - x: B-dot = speed - v, B-ddot = -u / mass; squared, B-ddot has 2 (speed - v)^2 too."""
     plant, rng = make_plant("cart"), np.random.default_rng(3)
@@ -51,14 +63,31 @@ def test_a_wall_that_moves_is_in_both_derivatives(make_plant: Any) -> None:
 def chain() -> System:
     """x''' = u."""
     x, u = ca.SX.sym("x", 3), ca.SX.sym("u")
-    return System(x, u, ca.vertcat(x[1], x[2], u))
+    return System(x, u, ca.vertcat(x[1], x[2], u), [ca.SX.sym("limit")])
 
 
-@pytest.mark.parametrize(("output", "given"), [(0, 2), (0, 1), (1, 1), (0, 4), (1, 3), (2, 2), (2, 3)])
-def test_another_relative_degree_is_refused(chain: System, output: int, given: int) -> None:
-    right = 3 - output
-    said = f"derivative {given} does not depend on u" if given < right else f"relative degree {right}, but {given} was"
-    with pytest.raises(DegreeError, match=f"wall: {said}"):
+@pytest.mark.parametrize("degree", [1, 2, 3])
+def test_each_relative_degree_has_its_row(chain: System, degree: int) -> None:
+    """s^r + K (1, ..., s^(r-1)) = prod (s + p_i): for poles 1, 2, 3 the coefficients are known."""
+    gains = {1: [1], 2: [2, 3], 3: [6, 11, 6]}[degree]
+    x = np.array([0.3, -0.2, 0.7])[3 - degree :]
+    quantity = Barrier("B", chain.x[3 - degree], poles=(1, 2, 3)[:degree]).on(chain)
+    (row,) = quantity.rows(quantity.value)
+    bound = ca.Function("f", [chain.x], [-row.upper])(np.array([0.3, -0.2, 0.7]))
+    assert float(bound) == pytest.approx(-np.dot(gains, x))
+    assert row.A.is_constant()
+    assert float(row.A) == -1  # -u <= K x
+
+
+@pytest.mark.parametrize(("output", "given"), [(0, 2), (0, 1), (1, 1)])
+def test_a_relative_degree_that_is_too_low_is_refused(chain: System, output: int, given: int) -> None:
+    with pytest.raises(DegreeError, match=f"wall: derivative {given} does not depend on u"):
+        Barrier("wall", chain.x[output], poles=(1.0,) * given).on(chain)
+
+
+@pytest.mark.parametrize(("output", "given"), [(0, 4), (1, 3), (2, 2), (2, 3)])
+def test_a_relative_degree_that_is_too_high_is_refused(chain: System, output: int, given: int) -> None:
+    with pytest.raises(DegreeError, match=f"wall: relative degree {3 - output}, but {given} was given"):
         Barrier("wall", chain.x[output], poles=(1.0,) * given).on(chain)
 
 
@@ -133,16 +162,23 @@ def test_a_measured_value_is_the_mean_of_the_exact_ones(make_plant: Any) -> None
         assert measured == pytest.approx(exact, rel=1e-4, abs=1e-4)
 
 
-def test_relative_degree_3_is_not_measured(chain: System) -> None:
+@pytest.fixture
+def integrators() -> System:
+    """x''' = u."""
+    x, u = ca.SX.sym("x", 3), ca.SX.sym("u")
+    return System(x, u, ca.vertcat(x[1], x[2], u))
+
+
+def test_relative_degree_3_is_not_measured(integrators: System) -> None:
     """Remark 3; but it has rows, see `test_system.py`."""
-    for each in (Barrier("deep", chain.x[0], (1, 2, 3)), Clf(chain.x[0], gains=(1.0, 3.0, 3.0))):
+    for each in (Barrier("deep", integrators.x[0], (1, 2, 3)), Clf(integrators.x[0], gains=(1.0, 3.0, 3.0))):
         with pytest.raises(ValueError, match=r"(deep|V): one difference measures relative degrees 1 and 2 only"):
-            measure(Terms(chain, [each]))
+            measure(Terms(integrators, [each]))
 
 
-def test_a_sensor_is_read_as_the_tick_ends(chain: System) -> None:
-    force = Quantity(("F",), chain.affine(chain.u), lambda _: [], sensor=2 * chain.x[2])
-    terms = Terms(chain, [force])
+def test_a_sensor_is_read_as_the_tick_ends(integrators: System) -> None:
+    force = Quantity(("F",), integrators.affine(integrators.u), lambda _: [], sensor=2 * integrators.x[2])
+    terms = Terms(integrators, [force])
     nothing = np.zeros(0)
     measured = measure(terms)(np.zeros(3), nothing, np.array([0.0, 0.0, 4.0]), nothing, np.array([SECONDS])).measured
     assert measured == pytest.approx([8])

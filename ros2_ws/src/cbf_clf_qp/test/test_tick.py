@@ -1,5 +1,6 @@
 """A tick: nothing in it is stale, estimates, corners and what comes in at its door."""
 
+from collections.abc import Callable
 from typing import Any
 
 import casadi as ca
@@ -49,6 +50,34 @@ def test_a_changed_parameter_counts_in_the_same_tick(solver: str, name: str) -> 
         assert decided.u == pytest.approx(fixed[value](x).u, rel=1e-6, abs=1e-6)
         differ += abs(decided.u[0] - tick(x, **DEFAULTS).u[0]) > 1e-3
     assert differ > 3
+
+
+def ride(wall_of: Callable[[float], tuple[float, float]], declared: bool = True) -> Any:
+    """A cart's distance from a wall after each millisecond, m; `wall_of` gives the wall's place and speed at a time.
+
+    `declared`: the controller knows the speed.
+    """
+    tick, x, gaps = cart_tick(), np.zeros(2), []
+    for k in range(2000):
+        wall, speed = wall_of(k / 1000)
+        decided = tick(x, **{**DEFAULTS, "wall": wall, "speed": speed if declared else 0.0})
+        assert decided.solved
+        acceleration = decided.u[0] / 2
+        x = x + np.array([x[1] / 1000 + acceleration / 2e6, acceleration / 1000])
+        gaps.append(wall_of((k + 1) / 1000)[0] - x[0])
+    return np.array(gaps)
+
+
+def test_a_wall_that_has_moved_is_not_passed() -> None:
+    """From 0.9 to 0.5 m, while the cart can still stop."""
+    assert ride(lambda t: (0.9 if t < 0.02 else 0.5, 0.0)).min() > -1e-3
+
+
+def test_a_wall_that_comes_closer_at_known_speed_is_not_passed() -> None:
+    """The cart recedes before it; if the speed is not declared, it lags behind by speed (p1 + p2) / (p1 p2)."""
+    gaps = [ride(lambda t: (0.9 - 0.3 * t, -0.3), declared) for declared in (True, False)]
+    assert gaps[0].min() > -1e-3
+    assert gaps[1][-1] == pytest.approx(-0.3 * 16 / 64, abs=2e-3)
 
 
 @pytest.mark.parametrize("solver", ["daqp", "osqp"])

@@ -1,5 +1,6 @@
 """A file is replaced as a whole; one from outside is read whole or refused; YAML as all readers read it."""
 
+import math
 import os
 import socket
 import subprocess
@@ -105,23 +106,20 @@ def test_errors_are_one_line(tmp_path: Path) -> None:
         assert "\n" not in str(refused.value)
 
 
-ALIKE = (
-    "7",
-    "-3",
-    "+5",
-    "0",
-    "9223372036854775807",
-    "0.5",
-    ".5",
-    "5.",
-    "1e3",
-    "-1.5E-3",
-    ".inf",
-    "true",
-    "False",
-    "null",
-)
-ALIKE += ("~", "stones", "89ac228", "1.2.3", "'0200'", '"yes"', "[1, 2]", "{b: {c: 1}}")
+ALIKE = {
+    **{"7": 7, "-3": -3, "+5": 5, "0": 0, "9223372036854775807": 2**63 - 1},
+    **{"0.5": 0.5, ".5": 0.5, "5.": 5.0, "1e3": 1000.0, "-1.5E-3": -0.0015, ".inf": math.inf},
+    **{
+        "true": True,
+        "False": False,
+        "null": None,
+        "~": None,
+        "stones": "stones",
+        "89ac228": "89ac228",
+        "1.2.3": "1.2.3",
+    },
+    **{"'0200'": "0200", '"yes"': "yes", "[1, 2]": [1, 2], "{b: {c: 1}}": {"b": {"c": 1}}},
+}
 DISPUTED = ("0200", "08", "0o17", "0x10", "0b1", "1_000", "3:20", "1:30.5", "9223372036854775808", "1e999", "00.5")
 DISPUTED += ("yes", "No", "on", "OFF", "y", "N", "inf", "-Infinity", "nan", "2001-01-01", "=", "<<")
 

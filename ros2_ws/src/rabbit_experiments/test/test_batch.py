@@ -1,6 +1,7 @@
 """A walk in a batch is the walk alone, to the bit: MuJoCo, controller, policy, sensors, tally, environment."""
 
 import gc
+import math
 import weakref
 from dataclasses import replace
 from itertools import product
@@ -219,10 +220,18 @@ def test_an_action_is_the_estimates_over_their_scales(problem: Problem) -> None:
 
 
 def random_plant(parameters: SimulationParameters, seed: int) -> SimulationParameters:
-    """`parameters` with another mass scale, damping and bend."""
+    """`parameters` with a mass scale or a payload, and a power loss, a damping and a bend, each as likely as not."""
     rng = np.random.default_rng([seed, 1])
-    changes = {"mass_scale": (0.5, 3.0), "joint_damping": (0.0, 1.0), "link_bend": (-0.05, 0.05)}
-    return parameters.model_copy(update={name: rng.uniform(*within) for name, within in changes.items()})
+    if rng.random() < 0.5:
+        masses = {"mass_scale": math.exp(rng.uniform(*np.log([0.5, 3.0]))), "payload": 0.0}
+    else:
+        masses = {"mass_scale": 1.0, "payload": rng.uniform(0.0, 72.0)}
+    others = {
+        "motor_loss": rng.uniform(0, 0.15),
+        "joint_damping": rng.uniform(0, 1.0),
+        "link_bend": rng.uniform(-0.05, 0.05),
+    }
+    return parameters.model_copy(update=masses | {name: value for name, value in others.items() if rng.random() < 0.5})
 
 
 def test_an_environments_former_plants_are_freed() -> None:

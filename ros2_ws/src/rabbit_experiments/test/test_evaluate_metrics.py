@@ -138,6 +138,13 @@ def test_wilson_interval_solves_its_equation(successes: int, runs: int) -> None:
         assert (share - end) ** 2 == pytest.approx(z**2 * end * (1 - end) / runs, abs=1e-12)
 
 
+def test_interval_of_the_mean_of_two_values() -> None:
+    low, high = mean_interval(np.array([1.0, 3.0])) or (math.nan, math.nan)
+    half = math.tan(math.pi * 0.475)  # Student's t of one degree of freedom is Cauchy's; standard error 1
+    assert [low, high] == pytest.approx([2 - half, 2 + half])
+    assert mean_interval(np.array([4.0])) is None
+
+
 @pytest.mark.parametrize("runs", [2, 3, 5, 20])
 def test_the_mean_of_counts_lies_where_a_mean_of_them_can(runs: int) -> None:
     """Of 0 to 20 stones, most runs at the end: the interval is cut, and misses the true mean no more often."""

@@ -94,7 +94,36 @@ def test_any_cut_of_an_mcap_file_leaves_what_is_before_it(tmp_path: Path) -> Non
 
 
 STATE = "rabbit_msgs/msg/RobotState"
+TICK = {"/state": STATE, "/torque": "rabbit_msgs/msg/TorqueCommand"}
+TICK |= {"/controller_state": "rabbit_msgs/msg/ControllerState", "/learner_terms": "rabbit_msgs/msg/LearnerTerms"}
 TYPES = graph_types([MESSAGES])
+
+
+def state(episode: int, tick: int) -> bytes:
+    """The beginning of a message, as far as it is read without decoding it."""
+    stamp = (tick // 100, tick % 100 * 10_000_000)
+    head = bytes([0, 1, 0, 0]) + struct.pack("<iIIIII", *stamp, 1, 0, episode, tick)
+    no_torque_and_three_empty_texts = bytes(4) + 3 * struct.pack("<II", 1, 0)
+    return head + no_torque_and_three_empty_texts
+
+
+def write(path: Path, messages: list[bytes], chunks: int = 1) -> Path:
+    """A recording of ticks by our own recorder, all messages of one with the same bytes; its index names each chunk
+    so many times.
+    """
+    writer = BagWriter(path, TYPES)
+    for topic, kind in TICK.items():
+        writer.add(topic, kind, [])
+    for at, data in enumerate(messages):
+        for topic in TICK:
+            writer.write(topic, at, data)
+        writer.flush()
+    if chunks > 1:
+        index: Any = writer._writer.storage.chunks
+        for record in list(index) * (chunks - 1):
+            index.append(record)
+    writer.close()
+    return path
 
 
 def zeros(path: Path, bytes_: int, definition: str | None = None) -> Path:
@@ -114,12 +143,7 @@ def chunk_of_zeros(path: Path) -> str:
 
 
 def chunk_named_often(path: Path) -> str:
-    writer = open_writer(path)
-    writer.write("/tick", 0, PADDING)
-    writer.flush()
-    index: Any = writer._writer.storage.chunks
-    index *= 1000
-    writer.close()
+    write(path, [state(1, tick) for tick in range(3)], chunks=1000)
     return "overlap: expected each once"
 
 
@@ -142,16 +166,28 @@ def test_a_bomb_is_refused_in_one_line(tmp_path: Path, bomb: Callable[[Path], st
         assert len(str(refused.value)) < 2000
 
 
-@pytest.mark.parametrize("field", ["tick", "episode"])
-def test_a_damaged_number_takes_no_memory(tmp_path: Path, write_bag: Callable[..., Path], field: str) -> None:
-    """What would lie before it is lost at most by its number."""
+def test_a_damaged_tick_takes_no_memory(tmp_path: Path) -> None:
+    """2^32 - 3 ticks are counted as lost, and none is kept."""
+    last = 2**32 - 1
+    (episode,) = contents(write(tmp_path / "bag", [state(1, 0), state(1, 1), state(1, last)])).episodes
+    assert (episode.recorded, episode.lost) == (3, last - 2)
 
-    def damaged(_: str, message: Any) -> Any:
-        if getattr(message, "tick", 0) == 40:
-            setattr(message, field, 2**32 - 1)
-        return message
 
-    assert len(contents(write_bag(tmp_path / "bag", change=damaged)).episodes) <= MOST_UNHEARD + 2
+def test_damaged_episode_numbers_take_no_memory(tmp_path: Path) -> None:
+    """Each is far from the one before."""
+    numbers = [1 + 10_000 * i for i in range(300)]
+    whole = contents(write(tmp_path / "bag", [state(number, tick) for number in numbers for tick in (0, 1)]))
+    assert [episode.number for episode in whole.episodes if episode.presence == "recorded"] == numbers
+    assert sum(episode.presence == "lost" for episode in whole.episodes) == MOST_UNHEARD
+
+
+@pytest.mark.parametrize("command", ["info", pytest.param("plot", marks=DRAWS), "check"])
+@pytest.mark.parametrize(("name", "said"), [("none", "no such file or folder"), (".", "expected a rosbag2 folder")])
+def test_refused_in_one_line(tmp_path: Path, command: str, name: str, said: str) -> None:
+    done = CliRunner().invoke(app, [command, str(tmp_path / name)])
+    assert (done.exit_code, done.stderr.count("\n")) == (2, 1), done.output
+    assert said in done.stderr
+    assert str(tmp_path / name) in done.stderr
 
 
 @DRAWS

@@ -88,6 +88,25 @@ def test_it_accelerates_as_pinocchio_in_free_flight(engine, random_state, truth,
     assert np.abs(measured - expected).max() <= 1e-9 * np.abs(expected).max()
 
 
+def test_a_robot_without_stones_falls_freely_and_the_torque_lasts_the_whole_tick(engine, random_state, truth):
+    """Momentum falls by gravity alone; joint rates change by ten substeps' torque, not one's."""
+    robot = truth()
+    q = random_state(4)[0]
+    with world(engine, robot.parameters, q, np.zeros(7)) as plant:
+        plant.advance(np.zeros(4))
+        free = plant.observe()
+        plant.reset(q, np.zeros(7), Leg.LEFT)
+        plant.advance(TORQUE)
+        driven = plant.observe()
+    fall = -9.81 * robot.mass * TICK_SECONDS
+    assert robot.momentum(free.q, free.dq) == pytest.approx([0, fall], abs=1e-3 * abs(fall))
+    assert robot.momentum(driven.q, driven.dq) == pytest.approx([0, fall], abs=2e-2 * abs(fall))
+    gained = robot.free_acceleration(q, np.zeros(7), TORQUE) - robot.free_acceleration(q, np.zeros(7), np.zeros(4))
+    assert np.abs(driven.dq - free.dq - gained * TICK_SECONDS).max() < 0.1 * np.abs(gained * TICK_SECONDS).max()
+    assert not driven.foot_force.any()
+    assert not driven.contact.any()
+
+
 def test_a_push_acts_at_the_torsos_centre_of_mass(engine, random_state, truth):
     """Generalised impulse J' F t, to the 2% that a tick moves the robot."""
     robot = truth()
@@ -157,6 +176,18 @@ def test_the_robot_on_soft_ground_swings_as_a_block_on_a_spring(engine, damping)
     swing = np.exp(-decay * t) * (np.cos(ringing * t) + decay / ringing * np.sin(ringing * t))
     numerical = 0.06 if damping else 0.25  # an undamped swing has only the engine's own damping
     np.testing.assert_allclose(heights, -static * (1 - swing), atol=numerical * static)
+
+
+@pytest.mark.parametrize("slope", [-5.0, 2.0])
+def test_a_slope_turns_gravity(engine, random_state, truth, slope):
+    """In the ground's frame: uphill it pulls backward."""
+    robot = truth(slope=slope)
+    with world(engine, robot.parameters, random_state(4)[0], np.zeros(7)) as plant:
+        plant.advance(np.zeros(4))
+        fallen = plant.observe()
+    angle = np.deg2rad(slope)
+    expected = -robot.mass * GRAVITY * TICK_SECONDS * np.array([np.sin(angle), np.cos(angle)])
+    assert robot.momentum(fallen.q, fallen.dq) == pytest.approx(expected, rel=2e-3)
 
 
 def test_dry_friction_holds_a_joint_and_then_takes_its_share(engine, random_state, truth):
@@ -243,3 +274,23 @@ def test_a_foot_stands_up_to_the_edge_of_a_real_stone(engine, truth, edge, stand
         for _ in range(3):
             plant.advance(np.zeros(4))
         assert plant.observe().contact[Leg.LEFT] == stands
+
+
+def test_an_engine_repeats_itself_bit_for_bit(engine, truth):
+    """After another episode in the same plant, and in a second plant beside it."""
+    robot = truth()
+    q, dq = robot.start()
+    runs = []
+    with (
+        world(engine, robot.parameters, q, dq, GROUND) as first,
+        world(engine, robot.parameters, q, dq, GROUND) as second,
+    ):
+        for plant, again in ((first, False), (first, True), (second, False)):
+            if again:
+                plant.reset(q, dq, Leg.LEFT)
+                plant.set_stones(GROUND)
+            for _ in range(40):
+                plant.advance(TORQUE)
+            runs.append(np.r_[plant.observe().q, plant.observe().dq, plant.observe().foot_force.ravel()])
+    assert (runs[0] == runs[1]).all()
+    assert (runs[0] == runs[2]).all()

@@ -1,4 +1,4 @@
-"""In a process whose locale has a decimal comma every engine has the URDF's robot, which so moves as ever."""
+"""In a process whose locale has a decimal comma every engine has the URDF's robot."""
 
 import json
 import os
@@ -12,26 +12,37 @@ import pytest
 
 PROGRAM = """
 import json, locale, sys
-import numpy as np
+import mujoco, pinocchio
 from rabbit_description.gait import load_gaits
+from rabbit_sim.mujoco_plant import robot_mjcf
 from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.robot_urdf import perturbed_urdf
 from rabbit_sim.simulation import Simulation
 
 locale.setlocale(locale.LC_ALL, sys.argv[1])
-moved = {}
-for plant in ("pybullet", "mujoco", "rigid"):
-    robot = SimulationParameters(plant=plant, mass_scale=1.37, payload=3.3, payload_ahead=0.1, link_bend=0.05)
-    simulation = Simulation(robot, load_gaits("stones_0350_080"))
-    state = simulation.reset(1)
-    while state.running and state.tick < 20:
-        state = simulation.step(np.array([-10.0, -25.0, 10.0, -10.0]))
-    moved[plant] = [*state.q, *state.dq, *state.foot_force.ravel()]
-print(json.dumps(moved))
+plant = SimulationParameters(mass_scale=1.37, payload=3.3, payload_ahead=0.1, link_bend=0.05)
+urdf = perturbed_urdf(plant)
+model = pinocchio.buildModelFromXML(urdf)
+robot = mujoco.MjModel.from_xml_string(robot_mjcf(urdf, 0.8))
+found = {
+    "pinocchio": [model.inertias[i].toDynamicParameters().tolist() for i in range(model.njoints)]
+    + [placement.translation.tolist() for placement in model.jointPlacements],
+    "limits": model.lowerPositionLimit.tolist() + model.upperPositionLimit.tolist(),
+    "mujoco": [robot.body_mass.tolist(), robot.body_inertia.tolist(), robot.body_ipos.tolist()],
+    "places": [robot.body_pos.tolist(), robot.geom_size.tolist(), robot.opt.timestep, robot.jnt_range.tolist()],
+}
+simulation = Simulation(plant, load_gaits("stones_0350_080"))
+simulation.reset(1)
+client, loaded = simulation.plant._client, simulation.plant._robot
+links = [client.getDynamicsInfo(loaded, link) for link in range(client.getNumJoints(loaded))]
+found["pybullet"] = [[info[0], *info[2], *info[3]] for info in links]
+found["heavy"] = [max(info[0] for info in links), max(inertia.mass for inertia in model.inertias)]
+print(json.dumps(found))
 """
 
 
-def moved(locale: str, folder: Path) -> dict[str, Any]:
-    """Where each engine's robot is after 0.2 s under a locale, in a process of its own."""
+def robots(locale: str, folder: Path) -> dict[str, Any]:
+    """What the engines have under a locale, in a process of its own."""
     done = subprocess.run(
         [sys.executable, "-c", PROGRAM, locale],
         env={**os.environ, "LOCPATH": str(folder)},
@@ -58,4 +69,7 @@ def german(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_engines_under_a_decimal_comma(german: Path) -> None:
     """MuJoCo and pinocchio do not read by the locale; PyBullet does, so it reads under another."""
-    assert moved("de_DE.UTF-8", german) == moved("C", german)
+    usual, other = robots("C", german), robots("de_DE.UTF-8", german)
+    assert other == usual
+    heaviest, in_the_urdf = other["heavy"]
+    assert heaviest == pytest.approx(in_the_urdf, rel=1e-9)

@@ -7,10 +7,11 @@ from rabbit_description.state import TICK_SECONDS
 from rabbit_sim.actuation import Actuation
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.perturbation import Memory
-from rabbit_sim.perturbations.joints import GEAR_STIFFNESS, ROTOR_INERTIA, Gears
+from rabbit_sim.perturbations.joints import GEAR_STIFFNESS, ROTOR_INERTIA, Gears, JointDamping
 from rabbit_sim.perturbations.motors import MotorLag
 from rabbit_sim.perturbations.sensors import Laboratory, Noise, mean_specific_force
 from rabbit_sim.plant import SUBSTEP_SECONDS, SUBSTEPS, PlantReading, gravity
+from rabbit_sim.robot_urdf import perturbed_urdf
 from rabbit_sim.simulation import Simulation
 from sensing import begun, state_of
 
@@ -56,6 +57,14 @@ def test_delay_shifts_the_command_by_whole_milliseconds(delay_ms):
     asked = np.repeat(commands, SUBSTEPS, axis=0)
     assert not given[:delay_ms].any()
     assert given[delay_ms:] == pytest.approx(asked[:-delay_ms], abs=0)
+
+
+def test_damping_torque_of_a_knee_is_its_shins_inertia():
+    """M_jj of a knee is the shin's inertia about it, in any posture; twice that at twice the mass."""
+    shin = 0.20 + 3.2 * 0.24**2
+    q, dq = np.array([0.1, 0.7, 0.2, -0.5, 0.6, -0.2, 0.9]), np.array([1, 0, 2, 3, -4, 5, 6.0])
+    torque = JointDamping(joint_damping=1.5).joint_torque(perturbed_urdf(SimulationParameters(mass_scale=2)))(q, dq)
+    assert torque[[1, 3]] == pytest.approx(-1.5 * 2 * shin * dq[[4, 6]], rel=1e-9)
 
 
 def reading():
@@ -125,11 +134,34 @@ PERFECT = dict.fromkeys(
 )
 
 
+def path(pitch=0.0, acceleration=(0.0, 0.0), samples=SUBSTEPS + 1):
+    states = np.zeros((samples, 14))
+    states[:, 2] = pitch
+    states[:, 7:9] = np.outer(SUBSTEP_SECONDS * np.arange(samples), acceleration)
+    return states
+
+
+@pytest.mark.parametrize("pitch", [-0.7, 0.0, 0.3])
+def test_an_accelerometer_at_rest_feels_the_ground_push(pitch):
+    """g upward in the world: the torso's forward axis is (cos, -sin), its up axis (sin, cos) of the pitch."""
+    assert mean_specific_force(path(pitch), (0, -G)) == pytest.approx([-G * np.sin(pitch), G * np.cos(pitch)])
+
+
 def test_on_a_slope_it_feels_the_vertical():
     """Upright on ground that rises by 10 degrees the torso leans back by 10 degrees."""
     leaning = np.deg2rad(-10.0)
-    still = np.zeros((SUBSTEPS + 1, 14))
-    assert mean_specific_force(still, gravity(10.0)) == pytest.approx([-G * np.sin(leaning), G * np.cos(leaning)])
+    assert mean_specific_force(path(), gravity(10.0)) == pytest.approx([-G * np.sin(leaning), G * np.cos(leaning)])
+
+
+def test_an_accelerometer_in_free_fall_feels_nothing():
+    assert mean_specific_force(path(0.4, (0.0, -G)), (0, -G)) == pytest.approx([0, 0], abs=1e-9)
+
+
+def test_an_impact_within_a_tick_is_in_the_mean():
+    """The mean over a tick, times the tick, is the change of velocity less gravity's."""
+    states = path()
+    states[5:, 7] = -0.3
+    assert mean_specific_force(states, (0, -G))[0] * TICK_SECONDS == pytest.approx(-0.3)
 
 
 def readings(acceleration):

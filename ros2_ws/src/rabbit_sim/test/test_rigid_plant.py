@@ -68,6 +68,16 @@ def test_rigid_keeps_energy_and_its_foot_without_torque(truth, changes):
     assert reading.foot_position[Leg.LEFT] == pytest.approx([0, 0], abs=1e-10)
 
 
+def test_damping_takes_the_energy_that_its_power_says(truth):
+    robot = truth(plant="rigid", joint_damping=3.0)
+    q, dq = robot.start()
+    power = -3.0 * (robot.mass_matrix(q).diagonal()[3:] * dq[3:] ** 2).sum()
+    ddq, _ = accelerations(robot.pinned(), q, dq, np.zeros(4), Leg.LEFT)
+    h = 1e-6
+    rate = (robot.energy(q + h * dq, dq + h * ddq) - robot.energy(q - h * dq, dq - h * ddq)) / (2 * h)
+    assert rate == pytest.approx(power, rel=1e-5)
+
+
 def fall_until_touch(robot):
     q, dq = robot.start()
     plant = RigidPlant(robot.parameters)
@@ -154,11 +164,20 @@ def model_of(parameters):
     return model, model.createData(), [model.getFrameId(name) for name in ("left_foot", "right_foot")]
 
 
-@settings(max_examples=100, deadline=None)
-@given(robots, st.just(FOOT_RADIUS) | numbers(FOOT_RADIUS, 0.2), postures, rates, legs)
-def test_a_sole_is_where_its_lowest_point_is(p, radius, q, dq, leg):
-    """And it moves as a part of the shin, by pinocchio; the smallest is the URDF's foot."""
-    p = p.model_copy(update={"sole_radius": radius})
+@settings(max_examples=50, deadline=None)
+@given(robots, postures, rates, legs)
+def test_own_kinematics_are_those_of_the_urdf(p, q, dq, leg):
+    check_kinematics(p, q, dq, leg)
+
+
+@settings(max_examples=50, deadline=None)
+@given(robots, numbers(FOOT_RADIUS, 0.2), postures, rates, legs)
+def test_a_round_sole_is_where_its_lowest_point_is(p, radius, q, dq, leg):
+    check_kinematics(p.model_copy(update={"sole_radius": radius}), q, dq, leg)
+
+
+def check_kinematics(p, q, dq, leg):
+    """The lowest point of the sole, and how it moves as a part of the shin, against pinocchio."""
     model, data, frames = model_of(p)
     roll = p.sole_radius - FOOT_RADIUS
     pinocchio.forwardKinematics(model, data, q, dq, np.zeros(7))

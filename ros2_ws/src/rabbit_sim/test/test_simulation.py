@@ -112,6 +112,13 @@ def test_a_stone_does_not_go_with_a_stance_foot_that_slides(play, x, missed):
     assert landing.missed == missed
 
 
+def test_a_gap_is_counted_apart(play):
+    _, simulation = play([up([right(0.42, hold=False)])])
+    assert simulation.outcome is Outcome.GAP_FALL
+    assert not simulation.landings[0].on_stone
+    assert simulation.landings[0].missed
+
+
 def test_going_on_after_a_gap_ends_as_a_gap_fall_and_counts_one_landing(play):
     fallen = np.array([0, 0.6, 0.1, 0, 0, 0, 0])
     script = [up([right(0.42, hold=False)]), up([right(0.43, hold=False)]), up(q=fallen)]

@@ -1,5 +1,8 @@
 """One tick of the controller: what goes in, which rows there are, what comes out, and why."""
 
+import io
+import sys
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any
 
@@ -9,25 +12,29 @@ import pytest
 from cbf_clf_qp import Barrier, Clf, Estimates, Rows, System, Terms, Tick, at_most
 from rabbit_description import DEFAULT_GAIT
 from rabbit_description.gait import load_gait
-from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, Leg, StonePreview
+from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, Leg, RobotState, StonePreview
+from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.explanation import Explanation, explain
-from rl_cbf_clf_controller.policy import Policy
+from rl_cbf_clf_controller.parameters import load_parameters
+from rl_cbf_clf_controller.policy import Policy, ZeroPolicy
 from rl_cbf_clf_controller.scene import ControllerError
 from rl_cbf_clf_controller.walking import GAINS
 from scipy.optimize import nnls
-from walking_states import make_controller, state_of
 
 GAIT = load_gait(DEFAULT_GAIT)
 
 
 def make(controller="cbf-clf-qp", policy=None, **changes):
-    return make_controller(policy, controller=controller, **changes)
+    parameters = load_parameters("ours", controller=controller, **changes)
+    return Controller(parameters, GAIT, policy or ZeroPolicy(parameters.problem))
 
 
 def state(tick=0, swap=False, **changes):
+    q, dq = GAIT.x_start
     order = SWAP_STATE if swap else np.arange(7)
-    start = {name: value[order] for name, value in zip(("q", "dq"), GAIT.x_start, strict=True)}
-    return state_of(tick=tick, **start | changes)
+    values = {"touchdowns": 0, "preview": StonePreview(1, 0.35, 0.40), "contact": np.array([True, False])} | changes
+    values = {"q": q[order], "dq": dq[order]} | values
+    return RobotState(tick=tick, foot_force=np.zeros((2, 2)), **values)
 
 
 def precontrol(scene, mu):
@@ -156,6 +163,26 @@ def test_disagreement_about_contact_is_a_fault():
 def test_bad_states_are_refused(changes, message):
     with pytest.raises(ControllerError, match=message):
         make().step(state(**changes))
+
+
+def test_controllers_in_threads_give_the_torques_of_one_alone_and_leave_stdout(monkeypatch):
+    rng = np.random.default_rng(4)
+    q, dq = GAIT.x_start
+    states = [state(q=q + rng.normal(0, 0.02, 7), dq=dq + rng.normal(0, 0.2, 7)) for _ in range(100)]
+
+    def torques(built):
+        return [built.step(each).torque.tolist() for each in states]
+
+    alone = torques(make())
+    written = io.StringIO()
+    monkeypatch.setattr(sys, "stdout", written)
+    with ThreadPoolExecutor(4) as threads:
+        walks = [threads.submit(torques, built) for built in [make() for _ in range(8)]]
+        while not all(walk.done() for walk in walks):
+            assert sys.stdout is written
+    assert sys.stdout is written
+    assert written.getvalue() == ""
+    assert all(walk.result() == alone for walk in walks)
 
 
 CHANGED = {

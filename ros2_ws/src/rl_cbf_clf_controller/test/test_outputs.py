@@ -23,6 +23,14 @@ def test_bezier_agrees_with_scipy(s):
     assert second == pytest.approx(reference(s, nu=2))
 
 
+@pytest.mark.parametrize("s", [-0.3, -0.01, 0.0, 1.0, 1.02, 1.4])
+def test_bezier_goes_on_smoothly_beyond_its_ends(s):
+    """Each derivative is the slope of the one before, also across an end."""
+    behind, here, ahead = (VirtualConstraints(GAIT).desired(s + h) for h in (-H, 0, H))
+    for order in (0, 1):
+        assert here[order + 1] == pytest.approx((ahead[order] - behind[order]) / (2 * H), abs=1e-3)
+
+
 def test_bezier_becomes_straight_far_beyond_its_ends():
     for end, s in ((0.0, -0.5), (1.0, 1.5)):
         curve = VirtualConstraints(GAIT).desired
@@ -40,6 +48,13 @@ def test_outputs_vanish_where_the_joints_follow_the_gait():
     assert y == pytest.approx(q[3:] - desired)
     q = np.array([0, 0.75, GAIT.phase_angle_start - desired[0] - desired[1] / 2, *desired])
     assert constraints.evaluate(q, np.zeros(7)).phase == pytest.approx(0, abs=1e-12)
+
+
+def test_phase_is_0_and_1_at_its_ends():
+    constraints = VirtualConstraints(GAIT)
+    for angle, phase in ((GAIT.phase_angle_start, 0.0), (GAIT.phase_angle_end, 1.0)):
+        q = np.array([0, 0.75, angle + 0.1, -0.3, 0.4, 0, 0])
+        assert constraints.evaluate(q, np.zeros(7)).phase == pytest.approx(phase, abs=1e-12)
 
 
 def test_derivatives_of_outputs_by_differences(state):

@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from rabbit_description import URDF_PATH
-from rabbit_description.planar_urdf import with_planar_base
+from rabbit_description.planar_urdf import scaled, with_planar_base
 from rabbit_description.state import ROBOT_MASS
 from rl_cbf_clf_controller.planar_robot import Structure
 from rl_cbf_clf_controller.robot_numbers import read_robot
@@ -61,6 +61,26 @@ def test_stance_foot_does_not_accelerate_and_newton_holds(state, make_model):
     assert left == pytest.approx(peer.input_map(7) @ u + jacobian.T @ force, abs=1e-5)
 
 
+def test_force_balances_weight_and_motion_of_the_centre_of_mass(state, make_model):
+    q, dq = state
+    model = make_model()
+    model.update(q, dq)
+    dynamics, u = model.pinned(), np.array([5.0, 5.0, -5.0, 8.0])
+    data = PIN.createData()
+    pin.centerOfMass(PIN, data, q, dq, dynamics.acceleration(u))
+    expected = ROBOT_MASS * (data.acom[0] - PIN.gravity.linear)[[0, 2]]
+    assert dynamics.force(u) == pytest.approx(expected, abs=1e-9)
+
+
+def test_mass_matrix_rate_minus_twice_coriolis_is_skew(state):
+    q, dq = state
+    data = PIN.createData()
+    coriolis = pin.computeCoriolisMatrix(PIN, data, q, dq).copy()
+    rate = (pin.crba(PIN, data, q + H * dq).copy() - pin.crba(PIN, data, q - H * dq)) / (2 * H)
+    symmetric = np.triu(rate) + np.triu(rate, 1).T - 2 * coriolis
+    assert symmetric + symmetric.T == pytest.approx(0, abs=1e-7)
+
+
 def test_power_of_torque_is_the_rate_of_energy(state, make_model):
     q, dq = state
     model = make_model()
@@ -78,15 +98,27 @@ def test_power_of_torque_is_the_rate_of_energy(state, make_model):
     assert (energy(1e-5) - energy(-1e-5)) / 2e-5 == pytest.approx(u @ dq[3:], rel=1e-5)
 
 
-def test_impact_stops_the_new_stance_foot_and_loses_energy(state):
+def test_impact_stops_the_new_stance_foot_and_loses_energy(state, make_model):
     q, dq = state
-    model = peer.PinocchioModel()
+    model = make_model()
     after, impulse = model.impact(q, dq)
     jacobian = np.array([(leg_tip(q + H * e, 5, 6) - leg_tip(q - H * e, 5, 6)) / (2 * H) for e in np.eye(7)]).T
     mass = model.mass_matrix()
     assert jacobian @ after == pytest.approx(0, abs=1e-7)
     assert mass @ (after - dq) == pytest.approx(jacobian.T @ impulse, abs=1e-6)
     assert after @ mass @ after <= dq @ mass @ dq
+
+
+def test_uniform_scaling_scales_forces_and_slows_inputs(state, make_model):
+    scale = 2.0
+    nominal, heavy = make_model(), make_model(scaled(URDF_PATH.read_text(), scale))
+    for model in (nominal, heavy):
+        model.update(*state)
+    light, full = nominal.pinned(), heavy.pinned()
+    assert full.acceleration.b == pytest.approx(light.acceleration.b, rel=1e-9)
+    assert full.acceleration.a == pytest.approx(light.acceleration.a / scale, rel=1e-9, abs=1e-12)
+    assert full.force.b == pytest.approx(scale * light.force.b, rel=1e-9)
+    assert full.force.a == pytest.approx(light.force.a, rel=1e-7, abs=1e-9)
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -105,6 +137,8 @@ def test_both_models_agree(seed, models):
     assert own.mass_matrix() == pytest.approx(peer.mass_matrix(), abs=1e-12)
     for name in ("acceleration", "force"):
         assert getattr(own.pinned(), name)(u) == pytest.approx(getattr(peer.pinned(), name)(u), rel=1e-9, abs=1e-9)
+    for ours, theirs in zip(own.impact(q, dq), peer.impact(q, dq), strict=True):
+        assert ours == pytest.approx(theirs, rel=1e-9, abs=1e-9)
 
 
 @pytest.mark.skipif(not WALKER.is_file(), reason="the package is not in the project")

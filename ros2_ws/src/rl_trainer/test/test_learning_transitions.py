@@ -41,6 +41,12 @@ def test_what_the_controller_measured_belongs_to_the_tick_before(tick: Tick) -> 
     np.testing.assert_allclose(join(first, second, parameters=PAPER).measured, [50.0, *measured[1:]])
 
 
+def test_nominal_is_taken_at_the_executed_mu(tick: Tick) -> None:
+    mu, a, b = np.arange(4.0), np.arange(20.0).reshape(5, 4), np.arange(5.0)
+    first = tick(20, output={"mu": mu, "mu_qp": -mu, "nominal_a": a, "nominal_b": b})
+    np.testing.assert_allclose(join(first, tick(21)).nominal, a @ mu + b)
+
+
 def test_nominal_of_a_tick_is_the_mean_of_its_ends_under_the_held_torque(tick: Tick) -> None:
     """Exact where the nominal value changes at a constant rate; the CLF's, where the nominal acceleration does."""
     rng = np.random.default_rng(3)
@@ -51,6 +57,21 @@ def test_nominal_of_a_tick_is_the_mean_of_its_ends_under_the_held_torque(tick: T
     expected[0] = a[0] @ (mu + mu_held) / 2
     np.testing.assert_allclose(join(first, second).nominal, expected)
     np.testing.assert_allclose(join(first, second, parameters=PAPER).nominal, a @ mu)
+
+
+def test_error_is_the_papers_loss(tick: Tick) -> None:
+    """V-dot measured 50, nominal 10, corrected by alpha mu + beta = 25: the estimate is 15 short."""
+    alpha = np.zeros((5, 4))
+    alpha[0] = [5, 0, 0, 0]
+    output = {
+        "mu": np.array([4.0, 0, 0, 0]),
+        "nominal_b": np.array([10.0, 0, 0, 0, 0]),
+        "alpha": alpha,
+        "beta": np.array([5.0, 0, 0, 0, 0]),
+    }
+    transition = join(tick(20, output=output), tick(21, output={"V": 0.5}), parameters=PAPER)
+    assert transition.target[0] == pytest.approx(40)
+    assert transition.error[0] == pytest.approx(-15)
 
 
 @pytest.mark.parametrize(
