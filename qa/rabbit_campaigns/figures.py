@@ -31,7 +31,10 @@ def print_table(head: Sequence[str], rows: Iterable[Sequence[str]], title: str =
 
 @contextmanager
 def under_way(folder: Path, *errors: type[Exception]) -> Iterator[Callable[[str], object]]:
-    """Gives what tells how far it is; a node's error, one of `errors` or a signal ends the command with one line."""
+    """Show a status line; yields the function that changes its text.
+
+    A node's error, one of `errors` or a signal ends the command with one line.
+    """
     from rabbit_common.executables import LaunchError
     from rich.console import Console
 

@@ -19,16 +19,16 @@ from rabbit_experiments.assembly import Assembly
 from rabbit_recording.contents import contents
 from rabbit_recording.timing import real_time_figures
 
-Tell = Callable[[str], object]
+Status = Callable[[str], object]
 LATE_LIMIT = 0.001  # share of ticks
 CUT_OFF = "reset"  # outcome of the episode in which the time was up
 BUSY = "while True: pass"
 
 
 def walk_beside(
-    assembly: Assembly, folder: Path, seed: int, neighbours: int, priority: int, seconds: float, tell: Tell
+    assembly: Assembly, folder: Path, seed: int, neighbours: int, priority: int, seconds: float, show_status: Status
 ) -> dict[str, Any]:
-    """Walk for so many s, under `folder`, beside so many busy processes; `tell` hears how far it is.
+    """Walk for so many s, under `folder`, beside so many busy processes; `show_status` hears how far it is.
 
     `priority`: SCHED_FIFO of simulator and controller, or 0. Returns the walk's figures.
 
@@ -46,7 +46,7 @@ def walk_beside(
     with busy(neighbours), walking(walk) as monitor:
         began = time.monotonic()
         while (so_far := time.monotonic() - began) < seconds:
-            tell(f"{name}: {so_far:.0f} of {seconds:.0f} s, episode {monitor.glance().episode}")
+            show_status(f"{name}: {so_far:.0f} of {seconds:.0f} s, episode {monitor.glance().episode}")
     about = {"neighbours": neighbours, "priority": priority, "load_before": load, "load_after": os.getloadavg()[0]}
     return {**about, **figures(walk.folder / "recording")}
 

@@ -38,7 +38,7 @@ KILOBYTES_PER_MB = 1024
 Samples = Mapping[str, NDArray[np.float64]]
 
 
-def soak(walk: WalkSettings, seconds: float, tell: Callable[[str], object], operate_every: float) -> None:
+def soak(walk: WalkSettings, seconds: float, show_status: Callable[[str], object], operate_every: float) -> None:
     """Walk for so many s and leave a sample every few; s between two operations, 0 for none.
 
     Raises:
@@ -69,7 +69,7 @@ def soak(walk: WalkSettings, seconds: float, tell: Callable[[str], object], oper
                 due += EVERY
                 used = [number for name in names for number in usage(pids[name])]
                 rows.writerow([f"{so_far:.3f}", now.ticks, now.episode, os.getloadavg()[0], *used])
-                tell(f"{so_far / 60:.1f} of {seconds / 60:g} min, {now.ticks} ticks, episode {now.episode}")
+                show_status(f"{so_far / 60:.1f} of {seconds / 60:g} min, {now.ticks} ticks, episode {now.episode}")
             if operations:
                 operations(so_far)
 

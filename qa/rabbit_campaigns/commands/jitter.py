@@ -49,12 +49,12 @@ def jitter(given: Given, context: typer.Context) -> None:
     from rabbit_campaigns.jitter import LATE_LIMIT, walk_beside
 
     cases = []
-    with under_way(folder, RecordingError) as tell:
+    with under_way(folder, RecordingError) as show_status:
         for case in itertools.product(told.neighbours, told.priority):
-            cases.append(walk_beside(assembly, folder, told.seed, *case, told.minutes * 60, tell))
+            cases.append(walk_beside(assembly, folder, told.seed, *case, told.minutes * 60, show_status))
             write_figures(folder / "jitter.json", {"cases": cases, "seed": told.seed})
     head = ("times in ms", *(f"{row['neighbours']} neighbours" for row in cases))
-    print_table(head, [(name, *map(tell, cases)) for name, tell in LINES.items()])
+    print_table(head, [(name, *map(line, cases)) for name, line in LINES.items()])
     print(f"written to {folder}")
     if any(row["late_share"] > LATE_LIMIT for row in cases):
         raise typer.Exit(NOT_FIT)

@@ -72,8 +72,8 @@ def soak(given: Given, context: typer.Context) -> None:
     from rabbit_campaigns.soak import soak as walk_on
     from rabbit_campaigns.soak_operations import judge_operations
 
-    with under_way(folder, ValueError) as tell:
-        walk_on(walk, asked.minutes * 60, tell, asked.operate_every)
+    with under_way(folder, ValueError) as show_status:
+        walk_on(walk, asked.minutes * 60, show_status, asked.operate_every)
     with complaints(RecordingError):
         of_walk, bars = judge_operations(folder)
     figures = {**judge(read_samples(folder / SAMPLES)), **of_walk}

@@ -8,7 +8,7 @@ from cbf_clf_qp.functions import Array, NumpyFunction, Values, one_at_a_time
 
 
 class Bound:
-    """A function of rows, bound to the arrays (N, ...) that it reads: a call computes `row` anew, (N, size)."""
+    """A function of rows, bound to the arrays (N, ...) that it reads. Each call computes `row` (N, size)."""
 
     def __init__(self, function: NumpyFunction, *arrays: Array, row: Array | None = None) -> None:
         """`row`: where the outputs go, if not into a new array."""

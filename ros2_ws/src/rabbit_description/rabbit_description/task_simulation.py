@@ -86,20 +86,20 @@ class TaskSimulations:
         return np.array([state.running for state in self.states])
 
     def reset(self, seeds: Sequence[int]) -> None:
-        """A new episode of each."""
-        self.states = [each.reset(seed) for each, seed in zip(self.simulations, seeds, strict=True)]
+        """Begin an episode in each."""
+        self.states = [one.reset(seed) for one, seed in zip(self.simulations, seeds, strict=True)]
 
     def step(self, u: Array) -> None:
         """Go on one tick under the inputs `u` (N, m)."""
         if self._glide is None:
-            self.states = [each.step(row) for each, row in zip(self.simulations, u, strict=True)]
+            self.states = [one.step(row) for one, row in zip(self.simulations, u, strict=True)]
             return
-        x, true = (np.array([getattr(each, name) for each in self.simulations]) for name in ("x", "parameters"))
+        x, true = (np.array([getattr(one, name) for one in self.simulations]) for name in ("x", "parameters"))
         glided, self.states = self._glide(x, true, u), list[RobotState]()
-        for i, each in enumerate(self.simulations):
+        for i, one in enumerate(self.simulations):
             strikes = glided.strikes[i, 0]
             moved = self.task.moved(x[i], true[i], u[i]) if strikes else Moved(glided.x[i], u[i], 0)
-            self.states.append(each.take(moved, true[i], u[i]))
+            self.states.append(one.take(moved, true[i], u[i]))
 
     def keep(self, rows: Array) -> None:
         """Go on with some of them, by number."""

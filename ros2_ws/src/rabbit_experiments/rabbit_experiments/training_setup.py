@@ -36,21 +36,20 @@ def training(
     Raises `GaitError`, `CourseError`, `CheckpointError`.
     """
     gait = load_gaits(controller.gait)
-
-    walking = Controller(controller, gait, ZeroPolicy(controller.problem))
-
-    def make_controller(policy: Policy, sigma: float) -> Controller:
-        walking.policy, walking.parameters = policy, controller.model_copy(update={"sigma": sigma})
-        return walking
-
     source = Provenance(plant.model_dump(), provenance.commit(), command or provenance.command())
     asked, parts = provenance.plain((training, parameters)), provenance.plain((controller, plant))
     made_with = {"plant or controller": provenance.key_of(parts), **provenance.provenance([asked, parts])}
     if changed := provenance.changed_since(folder, made_with):
         raise CheckpointError(f"{folder}: was begun with another {', '.join(changed)}: expected another folder")
+    one = Controller(controller, gait, ZeroPolicy(controller.problem))
+
+    def with_policy(policy: Policy, sigma: float) -> Controller:
+        one.policy, one.parameters = policy, controller.model_copy(update={"sigma": sigma})
+        return one
+
     simulation = make_simulation(plant, gait)
     try:
         trainer = Trainer(parameters, source, learner and make_learner(parameters, learner))
-        yield trainer, resume(Checkpoint(folder, trainer), simulation, make_controller)
+        yield trainer, resume(Checkpoint(folder, trainer), simulation, with_policy)
     finally:
         simulation.close()

@@ -131,12 +131,20 @@ def test_a_run_in_a_batch_leaves_the_row_of_the_run_alone() -> None:
         assert len(together[i].tick_seconds) == expected.row.ticks
 
 
-@pytest.mark.parametrize("policy", ["zero", "oracle"])
-def test_a_run_that_takes_over_a_controller_leaves_the_row_of_the_run_alone(policy: str) -> None:
+class Knowing(Assembly):
+    """A method of one's own, whose controller knows the plant."""
+
+    def make_policy(self) -> Policy:
+        return replace(self, policy="oracle").make_policy() if self.policy == "zero" else super().make_policy()
+
+
+@pytest.mark.parametrize(("kind", "policy"), [(Assembly, "zero"), (Assembly, "oracle"), (Knowing, "zero")])
+def test_a_run_that_takes_over_a_controller_leaves_the_row_of_the_run_alone(kind: type[Assembly], policy: str) -> None:
     """Its controller comes from a run on another plant, and has its memory, policy and solver."""
-    tuning = load_parameters("best" if policy == "zero" else "ours", controller="rl-cbf-clf-qp")
+    best = kind is Assembly and policy == "zero"
+    tuning = load_parameters("best" if best else "ours", controller="rl-cbf-clf-qp")
     plants = [SimulationParameters(mass_scale=scale, stones=2) for scale in (2.0, 0.7, 2.0)]
-    made, rows = [Assembly(plant, tuning, policy) for plant in plants], list[str]()
+    made, rows = [kind(plant, tuning, policy) for plant in plants], list[str]()
     for forgets in (True, False):
         for run, assembly in enumerate(made):
             if forgets:

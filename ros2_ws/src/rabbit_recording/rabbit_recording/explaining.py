@@ -128,11 +128,10 @@ def explain_tick(path: Path, tick: int | None = None, number: int | None = None)
         wanted = replace(episode, records=[records[k] for k in range(tick + 1)])
         for k, (controller, output) in enumerate(replayed(wanted)):
             if k >= tick - 1:
-                record, scene = records[k], controller.scene
+                record = records[k]
                 if (off := np.abs(output.torque - record.output.torque).max()) > ROUNDING:
                     raise RecordingError(f"{here}: its replay is off by {off:.3g} N m in tick {k}")
-                decided = controller.estimates, controller.decided
-                moments[k] = Moment(record.state, record.output, scene.x, scene.p, *decided)
+                moments[k] = Moment.of(controller, record)
         is_set = tick in [settings.tick for settings in episode.settings]
         of, seconds = f"episode {episode.number}", episode.tick_seconds
         return explain_walk(of, controller.qp, moments, tick, records, seconds, is_set)

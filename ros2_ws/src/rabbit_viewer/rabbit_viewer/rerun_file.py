@@ -74,8 +74,8 @@ def write_rerun(
                 ends = rr.TimeColumn(CLOCK, duration=walk.time[[0, -1]])
                 file.log(f"{origin}/{LIMIT}{i}", rr.SeriesLines(colors=RED, names=LIMIT), static=True)
                 file.send_columns(f"{origin}/{LIMIT}{i}", [ends], rr.Scalars.columns(scalars=[limit, limit]))
-        told = f"```text\n{explain_run(job) if job else explanation(source, episode)}\n```"
-        file.log(WHY, rr.TextDocument(told, media_type=rr.MediaType.MARKDOWN), static=True)
+        text = f"```text\n{explain_run(job) if job else explanation(source, episode)}\n```"
+        file.log(WHY, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN), static=True)
     return path
 
 
@@ -118,8 +118,7 @@ def explain_run(job: RecordedWalk) -> str:
     with parts(job.assembly) as (simulation, controller):
 
         def observe(record: Record) -> None:
-            scene, decided = controller.scene, (controller.estimates, controller.decided)
-            moments[record.state.tick] = Moment(record.state, record.output, scene.x, scene.p, *decided)
+            moments[record.state.tick] = Moment.of(controller, record)
 
         run(simulation, controller, job.seed, observe)
         of, worst, seconds = f"seed {job.seed}", worst_of(moments), simulation.tick_seconds

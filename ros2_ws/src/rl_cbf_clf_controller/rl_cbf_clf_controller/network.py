@@ -101,14 +101,13 @@ class Actor:
 
 
 class ActorRows:
-    """An actor bound to `n` observations `x` (n, m): a call computes their outputs anew, (n, outputs)."""
+    """An actor bound to `n` observations `x` (n, m): each call computes their outputs (n, outputs)."""
 
     def __init__(self, actor: Actor, n: int) -> None:
         self._actor, self.x, memory = actor, np.empty((n, actor.inputs)), np.empty(actor.widest + n * actor.units)
         self.y = memory[memory.size - n * actor.outputs :].reshape(n, actor.outputs)
         layers = actor.sizes.ctypes.data, actor.widest, actor.weights.ctypes.data, actor.biases.ctypes.data
         self._given = n, *layers, self.x.ctypes.data, memory.ctypes.data
-        self._memory = memory
 
     def __call__(self) -> NDArray[np.float64]:
         NETWORK.count(len(self.x))

@@ -53,6 +53,12 @@ class Moment(Record):
     estimates: Estimates | None
     decided: Decided | None
 
+    @classmethod
+    def of(cls, controller: Any, record: Record) -> "Moment":
+        """The tick that this controller of RABBIT has just decided."""
+        scene = controller.scene
+        return cls(record.state, record.output, scene.x, scene.p, controller.estimates, controller.decided)
+
     @property
     def u(self) -> Array:
         """The input (m,)."""
@@ -131,13 +137,13 @@ def rollout_together(
         controllers.reset(place, seed)
     places = np.arange(len(seeds))
 
-    def drop(faults: dict[int, str]) -> Iterator[Ended]:
-        """Go on without these rows."""
+    def drop(ended: dict[int, str]) -> Iterator[Ended]:
+        """Go on without these rows; of each a fault, or ""."""
         nonlocal places
-        for row, fault in faults.items():
+        for row, fault in ended.items():
             yield Ended(int(places[row]), simulations.simulations[row], simulations.states[row], fault)
-        rows = np.delete(np.arange(len(places)), [*faults])
-        if faults and rows.size:
+        rows = np.delete(np.arange(len(places)), [*ended])
+        if ended and rows.size:
             simulations.keep(rows)
             controllers.keep(rows)
         places = places[rows]

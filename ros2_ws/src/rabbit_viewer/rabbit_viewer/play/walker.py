@@ -160,8 +160,7 @@ class Walker:
             self.fault = self._output.fault
             controller = self._controller
             self._true = self._oracle.estimate(controller.scene, NONE).error(self._output.mu)
-            scene, decided = controller.scene, (controller.estimates, controller.decided)
-            self._kept.append(Moment(self._state, self._output, scene.x, scene.p, *decided))
+            self._kept.append(Moment.of(controller, Record(self._state, self._output)))
         except (ControllerError, np.linalg.LinAlgError) as error:
             self.fault = f"controller error: {error}"
 
