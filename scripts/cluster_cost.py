@@ -1,7 +1,7 @@
 """What a cluster costs and saves.
 
 python scripts/cluster_cost.py                    # ms a run of 1,000 that do nothing, here and by a scheduler
-python scripts/cluster_cost.py MUJOCO PYBULLET OUT.csv  # the queue of the map's walks, from how long they took
+python scripts/cluster_cost.py MUJOCO PYBULLET ... OUT.csv  # the queue of the map's walks, from how long they took
 """
 
 import csv
@@ -58,14 +58,15 @@ def walked(folder: Path, plant: Literal["mujoco", "pybullet"]) -> tuple[dict[Job
     return {job: cache.get(job).row.walk_seconds for jobs in known for job in jobs}, COURSES // courses
 
 
-def simulate(mujoco: Path, pybullet: Path, out: Path) -> None:
-    """A row for each engine and number of cores."""
-    folders: dict[Literal["mujoco", "pybullet"], Path] = {"mujoco": mujoco, "pybullet": pybullet}
+def simulate(mujoco: Path, *pybullet_and_out: Path) -> None:
+    """A row for each engine and number of cores; the map in PyBullet is in several folders."""
+    *pybullet, out = pybullet_and_out
+    maps = {"mujoco": [walked(mujoco, "mujoco")], "pybullet": [walked(folder, "pybullet") for folder in pybullet]}
     with out.open("w", encoding="utf-8", newline="") as file:
         table = csv.writer(file)
         table.writerow(("plant", "walks", "cores", "hours", "busy"))
-        for plant, folder in folders.items():
-            seconds, repeated = walked(folder, plant)
+        for plant, folders in maps.items():
+            seconds, repeated = dict(item for walks, _ in folders for item in walks.items()), folders[0][1]
             for cores in CORES:
                 hours, busy = queue(seconds, repeated, cores)
                 table.writerow((plant, len(seconds) * repeated, cores, f"{hours:.3f}", f"{busy:.2f}"))

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import Any, Literal
 
 import pytest
 from rabbit_experiments.assembly import Assembly, resolve_policy
@@ -57,11 +57,15 @@ def test_bent_links_are_walked_and_found(make_assembly: MakeAssembly) -> None:
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_ground_that_gives_way_is_no_wrong_angle(seed: int) -> None:
-    """The nominal controller walks this ground; `best` found offsets of some hundredths of a rad, and fell."""
-    soft = SimulationParameters(mass_scale=2.0, ground_stiffness=5e4, ground_damping=2e3, motor_lag=0.004, stones=10)
+@pytest.mark.parametrize(("controller", "stiffness", "damping"), [("cbf-clf-qp", 5e4, 2e3), ("clf-qp", 1.1e4, 7e3)])
+def test_ground_that_gives_way_is_no_wrong_angle(controller: str, stiffness: float, damping: float, seed: int) -> None:
+    """The nominal controller walks these grounds; `best` found offsets of some hundredths of a rad, and fell."""
+    terrain: Literal["stones", "flat"] = "stones" if controller == "cbf-clf-qp" else "flat"
+    ground: dict[str, Any] = {"terrain": terrain, "ground_stiffness": stiffness, "ground_damping": damping}
+    soft = SimulationParameters(mass_scale=2.0, motor_lag=0.004, stones=10, **ground)
     records: list[Record] = []
-    assert walk(Assembly(soft, load_parameters("best"), "zero"), 0, seed, records.append).row.success
+    best = load_parameters("best", terrain, controller=controller)
+    assert walk(Assembly(soft, best, "zero"), 0, seed, records.append).row.success
     offsets = slice(KNOWN.index("hip_offset"), KNOWN.index("knee_offset") + 1)
     assert not records[-1].output.identified[offsets].any()
 

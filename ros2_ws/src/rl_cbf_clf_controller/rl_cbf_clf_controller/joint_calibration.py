@@ -12,14 +12,15 @@ which least squares solve (`least_squares.py`), the legs being alike. A velocity
 need not be level. The foot's rubber gives way as the load comes, which looks like an offset of the knee that changes
 along the step; so the knee's prior is narrow.
 
-Ground that gives way moves the stance foot, too: it sinks as the load comes and rises again. No offset explains that,
+Ground that gives way moves the stance foot, too: it sinks as the load comes, and rises again. No offset explains that,
 for what an offset does to the foot's velocity goes with the joints' rates throughout the step; but the least squares
-make one of it all the same. So the offsets count only where the foot stands, that is as long as the mean square of the
-innovations, of what the offsets of the tick before leave of the foot's velocity, is below STILL^2. With bent links, on
-rubber and on ground of 2e4 N/m that is damped as rubber is, it is; on ground of 1e5 N/m with 2e3 N s/m it passes
-MOVING^2 within five ticks. Between the two the offsets fade out. They do not come back in that episode. Noise of the
-rates is no motion: by the legs' lengths it puts 2.4 sigma^2 into the foot's velocity, and twice that is forgiven, for
-sigma is known from a few ticks at first.
+make one of it all the same, of 40 to 80 mrad where a foot sinks slowly. So the offsets count only where a foot stands:
+as long as the mean square of the innovations, of what the offsets of the tick before leave of the foot's velocity, is
+below STILL^2. At first an innovation says more of the offsets, which are hardly known yet, than of the ground; so each
+counts by the share that the offsets' covariance does not explain. With bent links on hard ground their rms is below
+0.007 m/s, on ground of 1e4 N/m with 5e3 to 9e3 N s/m 0.02 m/s. From MOVING on the offsets do not count, between the two
+they fade out. They do not come back in that episode. Noise of the rates is no motion: by the legs' lengths it puts
+2.4 sigma^2 into the foot's velocity, and twice that is forgiven, for sigma is known from a few ticks at first.
 """
 
 from collections.abc import Mapping
@@ -36,8 +37,8 @@ OFFSETS = np.array([[0.0, 0, 0, 1, 0, 1, 0], [0, 0, 0, 0, 1, 0, 1]]).T  # (o_h, 
 OFFSET_SPREAD = np.array([0.05, 0.01])  # rad
 VELOCITY_NOISE = 0.05  # m/s
 SIZE = 2
-STILL, MOVING = 0.07, 0.08  # m/s; rms of the innovations, up to which the foot stands and from which on it does not
-MOST = 0.2  # m/s; of one tick: a blow is no soft ground
+STILL, MOVING = 0.012, 0.018  # m/s; rms of the innovations, up to which the foot stands and from which on it does not
+MOST = 0.05  # m/s; of one tick: a blow is no soft ground
 FORGIVEN = 5.0  # of the variance of the rates' noise
 
 # The angles are trusted, and the foot to stand. `offset_fit`: what the least squares say.
@@ -52,9 +53,10 @@ def calibrated(
 ) -> dict[str, ca.SX]:
     """What is known a tick later, by the names of `UNKNOWN`.
 
-    `offsets` o of hips and knees, rad, that are used; `moved`: the innovations' squares, added up, (m/s)^2; `stands`:
-    from 1, where the foot does, to 0. From a corrected state `x` (14,), stance/swing order, with this tick so many
-    `ticks` of a foot that should stand; `noise`: the variance of the rates' errors, (m/s)^2 and (rad/s)^2.
+    `offsets` o of hips and knees, rad, that are used; `moved`: the squares of what the offsets leave unexplained, added
+    up, (m/s)^2; `stands`: from 1, where the foot does, to 0. From a corrected state `x` (14,), stance/swing order, with
+    this tick so many `ticks` of a foot that should stand; `noise`: the variance of the rates' errors, (m/s)^2 and
+    (rad/s)^2.
     """
     robot = PinnedRobot(parameters={**robot_parameters(), "joints": joints, "feet": feet})
     velocity = robot.rate(robot.feet[0])
@@ -63,7 +65,9 @@ def calibrated(
     spread, still = VELOCITY_NOISE**2 * ca.SX.eye(2), ca.SX.zeros(SIZE, SIZE)
     measured = velocity + slope @ known["offsets"]
     fit, covariance, _ = updated(known["offset_fit"], known["offset_covariance"], still, slope, measured, spread)
-    moved = known["moved"] + ca.fmin(ca.sumsqr(measured - slope @ known["offset_fit"]), MOST**2)
+    unknown = ca.diag(slope @ known["offset_covariance"] @ slope.T)  # variance by the offsets, (m/s)^2
+    innovation = (measured - slope @ known["offset_fit"]) / ca.sqrt(1 + unknown / STILL**2)
+    moved = known["moved"] + ca.fmin(ca.sumsqr(innovation), MOST**2)
     square = moved / (ticks + 1) - FORGIVEN * noise
     stands = ca.fmin(known["stands"], within((MOVING**2 - square) / (MOVING**2 - STILL**2)))
     return dict(zip(UNKNOWN, (stands * fit, fit, covariance, moved, stands), strict=True))
