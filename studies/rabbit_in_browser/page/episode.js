@@ -38,7 +38,7 @@ export class Episode {
   }
 
   standOn(leg, x) {
-    Object.assign(this, {stance: leg, stanceX: x, landed: false, stepBegan: this.tick});
+    Object.assign(this, {stance: leg, heldAt: x, landed: false, stepBegan: this.tick});
     this.preview = this.terrain.placeNext(this.touchdowns + 1, x, this.settings.stone_width);
     this.plant.setStones(this.terrain.present);
   }
@@ -70,8 +70,9 @@ export class Episode {
     if (q[1] < numbers.fall_height || Math.abs(q[2]) > numbers.fall_pitch) return this.fellIntoGap ? "gap_fall" : "fall";
     this.airborne = plant.contact.some((each) => each) ? 0 : this.airborne + 1;
     if (this.airborne >= numbers.flight_ticks && !this.fellIntoGap) return "flight";
-    const travel = Math.abs(plant.footPosition[this.stance][0] - this.stanceX);
-    if (this.settings.ground_friction <= numbers.slip_friction && travel > numbers.slip_distance) return "slip";
+    const x = plant.footPosition[this.stance][0];
+    if (this.airborne) this.heldAt = x;  // a foot that hops does not slip
+    if (this.settings.ground_friction <= numbers.slip_friction && Math.abs(x - this.heldAt) > numbers.slip_distance) return "slip";
     return this.tick - this.stepBegan >= numbers.stall_ticks ? "stall" : "running";
   }
 }

@@ -57,7 +57,7 @@ class BatchSimulation:
         self._is_clear = np.zeros((n, 2), dtype=bool)
         self._is_airborne, self._is_crossing = np.zeros((2, n), dtype=bool)
         self._stance = np.zeros(n, dtype=int)
-        self._stance_x, self._step_began = np.zeros((2, n))
+        self._held_at, self._step_began = np.zeros((2, n))
         self._lowest, self._highest = np.zeros((2, n))
         self.true_force = np.zeros((n, 2, 2))
         self._actuation = Actuation(*(simulation.parameters for simulation in self.simulations))
@@ -149,7 +149,7 @@ class BatchSimulation:
         states, p = self.states, self._limits
         was_airborne: Array = self._is_airborne
         self._is_airborne = ~(states.contact[:, 0] | states.contact[:, 1])
-        travel = np.abs(self._feet_x[self._rows, self._stance] - self._stance_x)
+        travel = np.abs(self._feet_x[self._rows, self._stance] - self._held_at)
         is_sound: Array = (states.q[:, 1] - self._highest >= p[0]) & (np.abs(states.q[:, 2]) <= p[1]) & (travel <= p[2])
         is_sound &= np.isfinite(states.dq.sum(axis=1)) & (states.tick - self._step_began < self._stall_ticks)
         return ~is_sound | was_airborne | self._is_airborne
@@ -165,7 +165,7 @@ class BatchSimulation:
         simulation = self.simulations[i]
         self.states[i] = state
         self.true_force[i] = simulation.reading.foot_force
-        self._stance[i], self._stance_x[i] = simulation._stance, simulation._stance_x
+        self._stance[i], self._held_at[i] = simulation._stance, simulation._held_at
         self._step_began[i] = simulation._step_began
         self._is_crossing[i] = any(plant_of(simulation).watch.crossings)
         tops = [span.top for span in simulation._terrain.present]
@@ -217,7 +217,7 @@ class BatchSimulation:
 
 
 ROWS = (
-    *("_engine", "_feet_x", "_feet_z", "_is_clear", "_is_airborne", "_is_crossing", "_stance", "_stance_x"),
+    *("_engine", "_feet_x", "_feet_z", "_is_clear", "_is_airborne", "_is_crossing", "_stance", "_held_at"),
     *("_step_began", "_lowest", "_highest", "true_force"),
 )
 

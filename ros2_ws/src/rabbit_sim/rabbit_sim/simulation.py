@@ -208,7 +208,7 @@ class Simulation:
 
     def _stand_on(self, leg: Leg, x: float) -> None:
         """The stance foot is at world x: place and preview the next stone from there."""
-        self._stance, self._stance_x, self._landed = leg, x, False
+        self._stance, self._stance_x, self._held_at, self._landed = leg, x, x, False
         self._step_began = self._tick
         self._preview = self._terrain.place_next(self._touchdowns + 1, x)
         if depth := self._dropped():
@@ -255,8 +255,9 @@ class Simulation:
         flies = self._airborne_ticks > 0 and self._airborne_ticks >= flight_ticks(self.parameters, self._dropped())
         if flies and not self._fell_into_gap:
             return Outcome.FLIGHT
-        travel = abs(reading.foot_position[self._stance, 0] - self._stance_x)  # since the stance foot came down
-        if self.parameters.ground_friction <= SLIP_FRICTION and travel > SLIP_DISTANCE:
+        x = float(reading.foot_position[self._stance, 0])
+        self._held_at = x if self._airborne_ticks else self._held_at  # a foot that hops does not slip
+        if self.parameters.ground_friction <= SLIP_FRICTION and abs(x - self._held_at) > SLIP_DISTANCE:
             return Outcome.SLIP
         if self._tick - self._step_began >= stall_ticks(self.parameters):
             return Outcome.STALL
