@@ -105,18 +105,6 @@ def large_table(name: str) -> str:
     return markdown_table([*head, f"all, of {courses(name, *maps):,}"], lines)
 
 
-def terrain_table(name: str) -> str:
-    """Courses walked by each method on each terrain."""
-    rows, there = table(name), [where(*MAPS, terrains=(terrain,)) for terrain in TERRAINS]
-    lines = []
-    for who in rows.methods:
-        line = [str(rows.walked(who, cells)) if rows.courses(who, cells) else "" for cells in there]
-        lines.append([method(who).title, *line, f"{walked(name, who, *MAPS):,}" if all(line) else ""])
-    sizes = [courses(name, *MAPS, terrains=(terrain,)) for terrain in TERRAINS]
-    head = [f"{terrain}, of {size}" for terrain, size in zip(TERRAINS, sizes, strict=True)]
-    return markdown_table(["method", *head, f"all, of {sum(sizes):,}"], lines)
-
-
 def unseen_table() -> str:
     """Courses walked of each unseen family."""
     lines = [
