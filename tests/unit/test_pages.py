@@ -122,10 +122,7 @@ def functions(file: Path) -> set[str]:
 WITH_FIGURES = (
     "README.md",
     "docs/results.md",
-    *(
-        f"studies/docs/{each}.md"
-        for each in ("results_paper", "results_pybullet", "results_robots", "structure", "tuning")
-    ),
+    *(f"studies/docs/{each}.md" for each in ("results_paper", "results_robots", "structure", "tuning")),
 )
 DATA = ROOT / "studies" / "docs" / "data"
 TABLES = sorted(path for path in DATA.glob("*.csv") if "by_course" in path.read_text(encoding="utf-8").split("\n")[0])
