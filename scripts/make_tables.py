@@ -38,7 +38,8 @@ def commit() -> str:
     def git(*words: str) -> str:
         return subprocess.run(["git", *words], cwd=ROOT, capture_output=True, text=True, check=True).stdout.strip()
 
-    return git("rev-parse", "--short", "HEAD") + "+" * bool(git("status", "--porcelain", "--", ".", f":!{DOCS}"))
+    code = ".", f":!{DOCS.relative_to(ROOT)}"
+    return git("rev-parse", "--short", "HEAD") + "+" * bool(git("status", "--porcelain", "--", *code))
 
 
 def make(name: str, command: str, runs: Path, at: str) -> None:

@@ -68,6 +68,24 @@ def test_a_queue_on_two_cores_ends_as_a_pencil_says(monkeypatch: pytest.MonkeyPa
     assert busy == pytest.approx(1 / (4 * 10.001))
 
 
+def test_tables_that_are_made_leave_the_commit_as_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(ROOT / "scripts")
+    import make_tables
+
+    monkeypatch.setattr(make_tables, "ROOT", tmp_path)
+    monkeypatch.setattr(make_tables, "DOCS", tmp_path / "docs")
+    for file in (made := tmp_path / "docs" / "made.csv"), (code := tmp_path / "code.py"):
+        file.parent.mkdir(exist_ok=True)
+        file.write_text("1")
+    git = ["git", "-C", str(tmp_path), "-c", "user.name=a", "-c", "user.email=a@b"]
+    for words in (["init", "-q"], ["add", "."], ["commit", "-qm", "both"]):
+        subprocess.run([*git, *words], check=True)
+    made.write_text("2")
+    assert not make_tables.commit().endswith("+")
+    code.write_text("2")
+    assert make_tables.commit().endswith("+")
+
+
 @pytest.mark.timeout(600)
 def test_a_table_that_was_stopped_goes_on_to_the_same_rows(tmp_path: Path) -> None:
     (listed := tmp_path / "tables.yaml").write_text(FEW)
