@@ -8,7 +8,7 @@ import csv
 import heapq
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -26,6 +26,7 @@ RUNS = 1000
 OVERHEAD = 0.01  # s a job, of client and scheduler: they give out one after the other
 CORES = (2, 64, 512)
 BATCH, COURSES = 200, 10  # of the map
+Plant = Literal["mujoco", "pybullet"]
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,7 @@ def queue(seconds: Mapping[Job, float], repeated: int, cores: int) -> tuple[floa
     return max(free) / 3600, sum(jobs) / (cores * max(free))
 
 
-def walked(folder: Path, plant: Literal["mujoco", "pybullet"]) -> tuple[dict[Job, float], int]:
+def walked(folder: Path, plant: Plant) -> tuple[dict[Job, float], int]:
     """Seconds of the walks of a benchmark in a folder, and how often the map has each."""
     table = Table.read(folder / "benchmark.csv")
     courses = min(row.courses for row in table.rows.values() if row.courses)
@@ -58,15 +59,16 @@ def walked(folder: Path, plant: Literal["mujoco", "pybullet"]) -> tuple[dict[Job
     return {job: cache.get(job).row.walk_seconds for jobs in known for job in jobs}, COURSES // courses
 
 
-def simulate(mujoco: Path, *pybullet_and_out: Path) -> None:
-    """A row for each engine and number of cores; the map in PyBullet is in several folders."""
-    *pybullet, out = pybullet_and_out
-    maps = {"mujoco": [walked(mujoco, "mujoco")], "pybullet": [walked(folder, "pybullet") for folder in pybullet]}
+def simulate(maps: Mapping[Plant, Sequence[Path]], out: Path) -> None:
+    """A row for each engine and number of cores; an engine's map may be in several folders."""
     with out.open("w", encoding="utf-8", newline="") as file:
         table = csv.writer(file)
         table.writerow(("plant", "walks", "cores", "hours", "busy"))
         for plant, folders in maps.items():
-            seconds, repeated = dict(item for walks, _ in folders for item in walks.items()), folders[0][1]
+            seconds: dict[Job, float] = {}
+            for folder in folders:
+                of_folder, repeated = walked(folder, plant)
+                seconds |= of_folder
             for cores in CORES:
                 hours, busy = queue(seconds, repeated, cores)
                 table.writerow((plant, len(seconds) * repeated, cores, f"{hours:.3f}", f"{busy:.2f}"))
@@ -87,4 +89,8 @@ def measure() -> None:
 
 
 if __name__ == "__main__":
-    simulate(*map(Path, sys.argv[1:])) if sys.argv[1:] else measure()
+    if sys.argv[1:]:
+        mujoco, *pybullet, out = map(Path, sys.argv[1:])
+        simulate({"mujoco": [mujoco], "pybullet": pybullet}, out)
+    else:
+        measure()

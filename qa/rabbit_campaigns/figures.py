@@ -10,6 +10,8 @@ from rabbit_common.exit_codes import Interrupted
 from rabbit_common.options import complaints, fail
 from rabbit_experiments import provenance
 
+ShowStatus = Callable[[str], object]  # in a line of the screen
+
 
 def write_figures(path: Path, figures: Mapping[str, Any]) -> None:
     """As JSON, with command, commit and versions."""
@@ -30,7 +32,7 @@ def print_table(head: Sequence[str], rows: Iterable[Sequence[str]], title: str =
 
 
 @contextmanager
-def under_way(folder: Path, *errors: type[Exception]) -> Iterator[Callable[[str], object]]:
+def under_way(folder: Path, *errors: type[Exception]) -> Iterator[ShowStatus]:
     """Show a status line; yields the function that changes its text.
 
     A node's error, one of `errors` or a signal ends the command with one line.

@@ -10,7 +10,7 @@ import subprocess
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -19,14 +19,15 @@ from rabbit_experiments.assembly import Assembly
 from rabbit_recording.contents import contents
 from rabbit_recording.timing import real_time_figures
 
-Status = Callable[[str], object]
+from rabbit_campaigns.figures import ShowStatus
+
 LATE_LIMIT = 0.001  # share of ticks
 CUT_OFF = "reset"  # outcome of the episode in which the time was up
 BUSY = "while True: pass"
 
 
 def walk_beside(
-    assembly: Assembly, folder: Path, seed: int, neighbours: int, priority: int, seconds: float, show_status: Status
+    assembly: Assembly, folder: Path, seed: int, neighbours: int, priority: int, seconds: float, show_status: ShowStatus
 ) -> dict[str, Any]:
     """Walk for so many s, under `folder`, beside so many busy processes; `show_status` hears how far it is.
 

@@ -12,7 +12,7 @@ work on the machine moves single stretches by more than the bar.
 import csv
 import os
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,7 @@ from rabbit_bringup.launching.walk import WalkSettings
 from scipy.optimize import nnls
 from scipy.stats import theilslopes
 
+from rabbit_campaigns.figures import ShowStatus
 from rabbit_campaigns.soak_operations import Operations, unfit_policy
 
 EVERY = 5.0  # s between samples
@@ -38,7 +39,7 @@ KILOBYTES_PER_MB = 1024
 Samples = Mapping[str, NDArray[np.float64]]
 
 
-def soak(walk: WalkSettings, seconds: float, show_status: Callable[[str], object], operate_every: float) -> None:
+def soak(walk: WalkSettings, seconds: float, show_status: ShowStatus, operate_every: float) -> None:
     """Walk for so many s and leave a sample every few; s between two operations, 0 for none.
 
     Raises:

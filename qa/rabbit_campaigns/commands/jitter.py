@@ -39,10 +39,12 @@ class JitterOptions(TuningOptions):
 @options(JitterOptions, ControllerParameters, SimulationParameters, defaults=DEFAULTS)
 def jitter(given: Given, context: typer.Context) -> None:
     """Walk in real time: late ticks, missed deadlines, age of the torque. Exit code 1 if this machine is not fit."""
-    told = given.build(JitterOptions)
-    tell_if_bare(context, f"A walk of {told.minutes:g} minutes in real time. To begin:", "rabbit jitter --minutes 10")
-    assembly = assembly_of_nodes(given, told.policy, told.parameters)
-    folder = new_folder(told.out or Path("runs") / f"{datetime.now():%Y%m%d-%H%M%S}-jitter")
+    request = given.build(JitterOptions)
+    tell_if_bare(
+        context, f"A walk of {request.minutes:g} minutes in real time. To begin:", "rabbit jitter --minutes 10"
+    )
+    assembly = assembly_of_nodes(given, request.policy, request.parameters)
+    folder = new_folder(request.out or Path("runs") / f"{datetime.now():%Y%m%d-%H%M%S}-jitter")
     from rabbit_recording import RecordingError
 
     from rabbit_campaigns.figures import print_table, under_way, write_figures
@@ -50,9 +52,9 @@ def jitter(given: Given, context: typer.Context) -> None:
 
     cases = []
     with under_way(folder, RecordingError) as show_status:
-        for case in itertools.product(told.neighbours, told.priority):
-            cases.append(walk_beside(assembly, folder, told.seed, *case, told.minutes * 60, show_status))
-            write_figures(folder / "jitter.json", {"cases": cases, "seed": told.seed})
+        for case in itertools.product(request.neighbours, request.priority):
+            cases.append(walk_beside(assembly, folder, request.seed, *case, request.minutes * 60, show_status))
+            write_figures(folder / "jitter.json", {"cases": cases, "seed": request.seed})
     head = ("times in ms", *(f"{row['neighbours']} neighbours" for row in cases))
     print_table(head, [(name, *map(line, cases)) for name, line in LINES.items()])
     print(f"written to {folder}")

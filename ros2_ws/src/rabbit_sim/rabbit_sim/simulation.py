@@ -256,7 +256,8 @@ class Simulation:
         if flies and not self._fell_into_gap:
             return Outcome.FLIGHT
         x = float(reading.foot_position[self._stance, 0])
-        self._held_at = x if self._airborne_ticks else self._held_at  # a foot that hops does not slip
+        if self._airborne_ticks:  # a foot that hops does not slip
+            self._held_at = x
         if self.parameters.ground_friction <= SLIP_FRICTION and abs(x - self._held_at) > SLIP_DISTANCE:
             return Outcome.SLIP
         if self._tick - self._step_began >= stall_ticks(self.parameters):

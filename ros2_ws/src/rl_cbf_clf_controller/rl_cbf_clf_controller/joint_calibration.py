@@ -65,8 +65,8 @@ def calibrated(
     spread, still = VELOCITY_NOISE**2 * ca.SX.eye(2), ca.SX.zeros(SIZE, SIZE)
     measured = velocity + slope @ known["offsets"]
     fit, covariance, _ = updated(known["offset_fit"], known["offset_covariance"], still, slope, measured, spread)
-    unknown = ca.diag(slope @ known["offset_covariance"] @ slope.T)  # variance by the offsets, (m/s)^2
-    innovation = (measured - slope @ known["offset_fit"]) / ca.sqrt(1 + unknown / STILL**2)
+    variance = ca.diag(slope @ known["offset_covariance"] @ slope.T)  # of the velocity, by the offsets' errors
+    innovation = (measured - slope @ known["offset_fit"]) / ca.sqrt(1 + variance / STILL**2)
     moved = known["moved"] + ca.fmin(ca.sumsqr(innovation), MOST**2)
     square = moved / (ticks + 1) - FORGIVEN * noise
     stands = ca.fmin(known["stands"], within((MOVING**2 - square) / (MOVING**2 - STILL**2)))
