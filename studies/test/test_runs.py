@@ -11,15 +11,12 @@ from typing import Any
 
 import pytest
 from rabbit_experiments import engine
-from rabbit_experiments.assembly import Assembly, resolve_policy
 from rabbit_experiments.cache import Cache, JobError
 from rabbit_experiments.engine import run
 from rabbit_experiments.evaluation import RecordedWalk, SeededRun, Walk, record_walk
 from rabbit_experiments.interrupts import ENDING, interrupts_held
-from rabbit_reproduce.controllers import CBF_CLF
+from rabbit_reproduce.controllers import CBF_CLF, RL_CBF_CLF
 from rabbit_reproduce.feasibility import JudgedWalk
-from rabbit_sim.parameters import SimulationParameters
-from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.weights import SHIPPED
 
 JOB = Walk(CBF_CLF.assembly(stones=1), 7)
@@ -98,28 +95,11 @@ def test_a_signal_while_workers_start_is_heard_afterwards(number: int) -> None:
         other.join()
 
 
-NOISY = {"mass_scale": 2.0, "stones": 3, "motor_lag": 0.004, "torque_delay": 0.003, "velocity_noise": 0.05}
-
-
-def assembly(
-    controller: str = "rl-cbf-clf-qp", policy: str | None = None, plant: str = "pybullet", **changes: str
-) -> Assembly:
-    tuning = ControllerParameters.model_validate({"controller": controller, **changes})
-    simulation = SimulationParameters.model_validate({**NOISY, "plant": plant, "terrain": tuning.terrain})
-    return Assembly(simulation, tuning, resolve_policy(policy, tuning))
-
-
-def copied(source: Path, path: Path) -> None:
-    """A file's bytes in another, whose time of change and size stay; a remark fills a YAML file up."""
-    data, before = source.read_bytes(), path.stat()
-    path.write_bytes(data + b"#" * (before.st_size - len(data)) if path.suffix == ".yaml" else data)
-    os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
-
-
 def test_a_policy_file_of_the_same_age_is_read_again(tmp_path: Path) -> None:
     path = tmp_path / "policy.safetensors"
     shutil.copy(SHIPPED / "rl-cbf-clf-qp.safetensors", path)
-    made_of = assembly(policy=str(path), plant="rigid")
-    before = record_walk(made_of, 5).about
-    copied(SHIPPED / "rl-cbf-clf-qp-scale-0.7.safetensors", path)
-    assert record_walk(made_of, 5).about["policy"] != before["policy"]
+    assembly = RL_CBF_CLF.with_policy(str(path)).assembly(plant="rigid", stones=3)
+    before, age = record_walk(assembly, 5).about, path.stat()
+    path.write_bytes((SHIPPED / "rl-cbf-clf-qp-scale-0.7.safetensors").read_bytes())
+    os.utime(path, ns=(age.st_atime_ns, age.st_mtime_ns))
+    assert record_walk(assembly, 5).about["policy"] != before["policy"]

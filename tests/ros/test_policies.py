@@ -3,54 +3,34 @@
 import dataclasses
 import itertools
 import json
-import math
 import os
-import subprocess
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from rabbit_campaigns.soak_operations import near_policy
+from rabbit_command import rabbit
 from rabbit_msgs.msg import Episode, EpisodePlan, PolicyWeights
 from rabbit_msgs.srv import LoadPolicy, ResetEpisode
 from rabbit_recording.checking import check_episodes
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP, RL_CLF_QP
-from rl_cbf_clf_controller.weights import PROBE, PolicyFile, policy_path, probe_inputs, probe_outputs, read
+from rl_cbf_clf_controller.weights import PROBE, PolicyFile, policy_path
 from safetensors.numpy import save
-from untrained_policy import policy_metadata
+from untrained_policy import policy_file, policy_metadata
 
 PLANT = {"motor_lag": 0.004, "stones": 5}
 SHORT = {"motor_lag": 0.004, "stones": 2}
 PARAMETERS = ControllerParameters(controller="rl-cbf-clf-qp")
-SMALL = (8, 8)
-SHIPPED = read(policy_path("rl-cbf-clf-qp"))
+SHIPPED = policy_path("rl-cbf-clf-qp")
 
 
-def near_shipped(number: int) -> PolicyFile:
-    """The shipped policy with last biases a little off; another one for each number."""
-    arrays = {**SHIPPED.arrays, "2.bias": SHIPPED.arrays["2.bias"] + np.float32(2e-4 * (number % 3))}
-    arrays[PROBE] = probe_outputs(arrays)
-    return PolicyFile(SHIPPED.metadata.model_copy(update={"training_seed": number}), arrays)
-
-
-def policy(
-    number: int, bias: float = 0.0, problem: Problem = RL_CBF_CLF_QP, hidden: tuple[int, int] = SMALL
-) -> PolicyFile:
-    """A policy whose outputs are all tanh(bias), whatever it sees; another one for each number."""
-    metadata = policy_metadata(
-        problem, hidden=hidden, structured=False, alpha_scale=(0.1,) * len(problem.quantities), training_seed=number
-    )
-    sizes = (len(problem.observation), *hidden, metadata.outputs)
-    arrays: dict[str, NDArray[np.float32]] = {}
-    for i, (before, after) in enumerate(itertools.pairwise(sizes)):
-        arrays[f"{i}.weight"] = np.zeros((after, before), dtype=np.float32)
-        arrays[f"{i}.bias"] = np.full(after, bias if i == 2 else number, dtype=np.float32)
-    rows = len(probe_inputs(1))
-    arrays[PROBE] = np.full((rows, metadata.outputs), math.tanh(bias), dtype=np.float32)
-    return PolicyFile(metadata, arrays)
+def policy(number: int, problem: Problem = RL_CBF_CLF_QP) -> PolicyFile:
+    """A policy whose outputs are all zero; another one for each number."""
+    return policy_file(policy_metadata(problem, hidden=(8, 8), training_seed=number), np.zeros)
 
 
 UNFIT = policy(1, problem=RL_CLF_QP)
@@ -73,11 +53,11 @@ def test_a_hundred_swaps_in_one_walk(world: Any) -> None:
     world.start("simulator", pace=0.8, **{**PLANT, "stones": 20, "mass_scale": 2.0})
     world.start("controller", **PARAMETERS.model_dump())
     world.start("recorder", path=str(world.folder / "recording"))
-    world.say("policy", weights(near_shipped(0)))
+    world.say("policy", weights(near_policy(SHIPPED, 0)))
     world.go()
     loaded: set[str] = set()
     for sent in itertools.takewhile(lambda _: not world.ends(), itertools.count(1)):
-        file = near_shipped(sent)
+        file = near_policy(SHIPPED, sent)
         if sent % 10:
             world.say("policy", weights(file))
         else:
@@ -220,8 +200,7 @@ def test_no_thread_of_a_controller_with_a_priority_is_ordinary(world: Any) -> No
 
 def load(*words: object) -> tuple[int, str]:
     """Exit code and line of `rabbit policy load`."""
-    command = ["rabbit", "policy", "load", *map(str, words)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+    done = rabbit("policy", "load", *words)
     return done.returncode, done.stdout + done.stderr
 
 

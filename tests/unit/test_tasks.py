@@ -129,8 +129,8 @@ def test_the_same_seed_gives_the_same_ride_in_another_process_too(task, cart):
         "from rl_cbf_clf_controller.task_controller import TaskController;"
         "print(*[m.u[0].hex() for m in ride_of(TaskController(load_task(sys.argv[1])), 'oracle', 7).moments])"
     )
-    told = subprocess.run([sys.executable, "-c", code, cart], capture_output=True, text=True, check=True)
-    assert told.stdout.split() == here
+    done = subprocess.run([sys.executable, "-c", code, cart], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == here
     assert [m.u[0].hex() for m in ride_of(TaskController(task), "oracle", 8).moments] != here
 
 

@@ -277,7 +277,7 @@ def test_a_foot_stands_up_to_the_edge_of_a_real_stone(engine, truth, edge, stand
 
 
 def test_an_engine_repeats_itself_bit_for_bit(engine, truth):
-    """After another episode in the same plant, and in a second plant beside it."""
+    """A second episode of one plant, and an episode of a second plant, repeat the first."""
     robot = truth()
     q, dq = robot.start()
     runs = []

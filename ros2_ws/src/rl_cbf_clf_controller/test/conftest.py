@@ -37,13 +37,13 @@ class SymbolicModel:
         read = read_robot(urdf)
         self.numbers = replace(read, motor_gain=motor_gain * read.motor_gain, joint_damping=joint_damping)
         robot = PinnedRobot(read.structure)
-        swing_rate, (after, impulse) = robot.rate(robot.swing), after_impact(robot)
+        swing_rate = robot.rate(robot.swing)
         inputs = {"q": robot.q, "dq": robot.dq, "robot": packed(robot.parameters)}
         found = {"swing": robot.swing, "swing_rate": swing_rate, "jacobian": ca.jacobian(robot.swing, robot.q)}
         found |= {"bias": robot.rate(swing_rate), "hip": robot.hip, "hip_rate": robot.rate(robot.hip)}
         found |= {"acceleration_a": robot.acceleration.a, "acceleration_b": robot.acceleration.b}
         found |= {"force_a": robot.force.a, "force_b": robot.force.b, "mass": robot.mass_and_bias[0]}
-        self._function = NumpyFunction.of("model", inputs, found | {"after": after, "impulse": impulse})
+        self._function = NumpyFunction.of("model", inputs, found)
 
     def update(self, q_s: Array, dq_s: Array) -> Kinematics:
         self._at = found = self._function(q_s, dq_s, self.numbers.row)
@@ -56,19 +56,6 @@ class SymbolicModel:
 
     def mass_matrix(self) -> Array:
         return self._at.mass
-
-    def impact(self, q_s: Array, dq_s: Array) -> tuple[Array, Array]:
-        self.update(q_s, dq_s)
-        return self._at.after, self._at.impulse
-
-
-def after_impact(robot: PinnedRobot) -> tuple[ca.SX, ca.SX]:
-    """Rates (n,) before relabelling and the impulse (2,), N s, if the swing foot lands: inelastic, it stays."""
-    n, mass = robot.structure.coordinates, robot.mass_and_bias[0]
-    jacobian = ca.jacobian(robot.feet[1], robot.q)
-    kkt = ca.vertcat(ca.horzcat(mass, -jacobian.T), ca.horzcat(jacobian, ca.SX.zeros(2, 2)))
-    solution = ca.solve(kkt, ca.vertcat(mass @ robot.dq, ca.SX.zeros(2)))
-    return solution[:n], solution[n:]
 
 
 def skip_without_peer() -> None:

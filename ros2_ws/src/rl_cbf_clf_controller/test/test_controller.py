@@ -12,29 +12,25 @@ import pytest
 from cbf_clf_qp import Barrier, Clf, Estimates, Rows, System, Terms, Tick, at_most
 from rabbit_description import DEFAULT_GAIT
 from rabbit_description.gait import load_gait
-from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, Leg, RobotState, StonePreview
-from rl_cbf_clf_controller.controller import Controller
+from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, Leg, StonePreview
 from rl_cbf_clf_controller.explanation import Explanation, explain
-from rl_cbf_clf_controller.parameters import load_parameters
-from rl_cbf_clf_controller.policy import Policy, ZeroPolicy
+from rl_cbf_clf_controller.policy import Policy
 from rl_cbf_clf_controller.scene import ControllerError
 from rl_cbf_clf_controller.walking import GAINS
 from scipy.optimize import nnls
+from walking_states import make_controller, state_of
 
 GAIT = load_gait(DEFAULT_GAIT)
 
 
 def make(controller="cbf-clf-qp", policy=None, **changes):
-    parameters = load_parameters("ours", controller=controller, **changes)
-    return Controller(parameters, GAIT, policy or ZeroPolicy(parameters.problem))
+    return make_controller(policy, controller=controller, **changes)
 
 
 def state(tick=0, swap=False, **changes):
-    q, dq = GAIT.x_start
     order = SWAP_STATE if swap else np.arange(7)
-    values = {"touchdowns": 0, "preview": StonePreview(1, 0.35, 0.40), "contact": np.array([True, False])} | changes
-    values = {"q": q[order], "dq": dq[order]} | values
-    return RobotState(tick=tick, foot_force=np.zeros((2, 2)), **values)
+    start = {name: value[order] for name, value in zip(("q", "dq"), GAIT.x_start, strict=True)}
+    return state_of(tick=tick, **start | changes)
 
 
 def precontrol(scene, mu):

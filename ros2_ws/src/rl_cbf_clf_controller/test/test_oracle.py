@@ -11,18 +11,16 @@ from cbf_clf_qp.quantity import Terms
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from rabbit_description import DEFAULT_GAIT, URDF_PATH
+from rabbit_description import URDF_PATH
 from rabbit_description.gait import load_gait
 from rabbit_description.planar_urdf import scaled
-from rabbit_description.state import RobotState, StonePreview
-from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.kinds import find_kind
 from rl_cbf_clf_controller.oracle import OraclePolicy, TruePlant
 from rl_cbf_clf_controller.parameters import load_parameters
-from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_cbf_clf_controller.virtual_constraints import VirtualConstraints
 from rl_cbf_clf_controller.walking import Walking
 from rl_cbf_clf_controller.worst_case import worst_cases
+from walking_states import make_controller, state_of
 
 PinocchioModel = pytest.importorskip("rabbit_gait_design.pinocchio_model", reason="no studies").PinocchioModel
 NONE = Estimates.zero(5, 4)
@@ -32,11 +30,7 @@ URDF = URDF_PATH.read_text()
 
 
 def tick(state, controller="cbf-clf-qp"):
-    q, dq = state
-    parameters = load_parameters("ours", controller=controller, gait="authors_035")
-    built = Controller(parameters, GAIT, ZeroPolicy(parameters.problem))
-    measured = RobotState(0, q, dq, np.zeros((2, 2)), np.zeros(2, bool), 0, StonePreview(1, 0.35, 0.40))
-    return built.look(measured)
+    return make_controller(controller=controller, gait="authors_035").look(state_of(*state))
 
 
 def test_closed_form_under_uniform_scale(state):
@@ -98,7 +92,6 @@ def test_with_the_right_leg_standing_its_masses_are_the_stance_legs():
     assert unlike.mirrored().mirrored().row == pytest.approx(unlike.row)
 
 
-WALKED = load_gait(DEFAULT_GAIT)
 CENTER = np.array([0.0, 0.75, 0.1, -0.3, 0.5, -0.3, 0.6])
 STATES = st.tuples(
     arrays(float, 7, elements=st.floats(-0.3, 0.3)).map(lambda q: CENTER + q),
@@ -109,27 +102,24 @@ BOUNDED_ABOVE = np.array([1.0, -1.0, -1.0])  # V-dot from above, B'' from below:
 CONE = np.array([[-1.0, 0.0], [-0.6, 1.0], [-0.6, -1.0]])  # C1 and both cone rows, in (F_N, F_T), from above
 
 
-@cache
-def controller(kind):
-    parameters = load_parameters("ours", controller=kind)
-    return Controller(parameters, WALKED, ZeroPolicy(parameters.problem))
+built = cache(make_controller)
 
 
-def make(kind="robust-cbf-clf-qp", **gains):
-    """A controller with other gains, which are inputs of its tick."""
-    built = controller(kind)
-    built.parameters = load_parameters("ours", controller=kind, **gains)
-    return built
+def robust_with(**gains):
+    """The robust controller, with other gains, which are inputs of its tick."""
+    robust = built(controller="robust-cbf-clf-qp")
+    robust.parameters = load_parameters("ours", controller="robust-cbf-clf-qp", **gains)
+    robust.reset(0)
+    return robust
 
 
-def look(built, state):
-    built.reset(0)
-    return built.look(RobotState(0, *state, np.zeros((2, 2)), np.zeros(2, bool), 0, StonePreview(1, 0.35, 0.4)))
+def look(state, **gains):
+    return robust_with(**gains).look(state_of(*state))
 
 
-def violations(built, scene, mu, estimates=NONE):
+def violations(controller, scene, mu, estimates=NONE):
     """By how much each row but saturation is exceeded at `mu` without slack, over its norm; shape (cases, 6)."""
-    data = built.qp.programme(scene.x, scene.p, estimates)
+    data = controller.qp.programme(scene.x, scene.p, estimates)
     return (data.A[:-4, :4] @ mu - data.upper[:-4]).reshape(-1, 6)
 
 
@@ -144,7 +134,7 @@ def corner_function():
     return NumpyFunction.of("corners", {"x": w.system.x, "p": w.system.p}, found)
 
 
-def corners(built, scene, mu):
+def corners(scene, mu):
     """The errors (2, 5) at `mu`."""
     found = corner_function()(scene.x, scene.p)
     return np.array([found.low_a @ mu + found.low_b, found.high_a @ mu + found.high_b])
@@ -153,23 +143,21 @@ def corners(built, scene, mu):
 @settings(max_examples=60, deadline=None)
 @given(state=STATES, mu=INPUTS, where=st.floats(0, 1), low=st.floats(0.3, 1), width=st.floats(0, 3))
 def test_rows_of_a_scale_range_imply_the_true_rows_of_every_scale_in_it(state, mu, where, low, width):
-    robust = make(robust_scale_min=low, robust_scale_max=low + width)
-    scene = look(robust, state)
+    robust = robust_with(robust_scale_min=low, robust_scale_max=low + width)
+    scene = robust.look(state_of(*state))
     kept = (violations(robust, scene, mu) <= -1e-6).all(axis=0)
     true = OraclePolicy(TruePlant(scaled(URDF, low + where * width))).estimate(scene, NONE)
-    at_truth = violations(make("rl-cbf-clf-qp"), scene, mu, true)
+    at_truth = violations(built(controller="rl-cbf-clf-qp"), scene, mu, true)
     assert (at_truth[0, kept] <= 0).all()
 
 
 @settings(max_examples=60, deadline=None)
-@given(state=STATES, mu=INPUTS, where=st.floats(0, 1))
-def test_the_truth_is_no_worse_than_the_worse_corner(state, mu, where):
-    """The same in values, where no example is vacuous: every row's expression is at most its larger corner's."""
-    low, high = 0.7, 2.5
-    robust = make(robust_scale_min=low, robust_scale_max=high)
-    scene = look(robust, state)
-    true = OraclePolicy(TruePlant(scaled(URDF, low + where * (high - low)))).estimate(scene, NONE).error(mu)
-    found = corners(robust, scene, mu)
+@given(state=STATES, mu=INPUTS, where=st.floats(0, 1), low=st.floats(0.3, 1), width=st.floats(0, 3))
+def test_the_truth_is_no_worse_than_the_worse_corner(state, mu, where, low, width):
+    """Every row's expression is at most its larger corner's, at every scale of the range."""
+    scene = look(state, robust_scale_min=low, robust_scale_max=low + width)
+    true = OraclePolicy(TruePlant(scaled(URDF, low + where * width))).estimate(scene, NONE).error(mu)
+    found = corners(scene, mu)
     rounding = 1e-7 * (1 + np.abs(found).max())
     assert (BOUNDED_ABOVE * true[:3] <= (BOUNDED_ABOVE * found[:, :3]).max(axis=0) + rounding).all()
     assert (CONE @ true[3:] <= (found[:, 3:] @ CONE.T).max(axis=0) + rounding).all()
@@ -178,8 +166,7 @@ def test_the_truth_is_no_worse_than_the_worse_corner(state, mu, where):
 @settings(max_examples=30, deadline=None)
 @given(state=STATES, mu=INPUTS)
 def test_the_corners_are_the_models_at_the_ends(state, mu):
-    robust = make(robust_scale_min=0.5, robust_scale_max=3.0)
-    scene = look(robust, state)
-    for scale, error in zip((0.5, 3.0), corners(robust, scene, mu), strict=True):
+    scene = look(state, robust_scale_min=0.5, robust_scale_max=3.0)
+    for scale, error in zip((0.5, 3.0), corners(scene, mu), strict=True):
         true = OraclePolicy(TruePlant(scaled(URDF, scale))).estimate(scene, NONE).error(mu)
         assert error == pytest.approx(true, rel=1e-6, abs=1e-6 * (1 + np.abs(true).max()))
