@@ -4,7 +4,7 @@ A `Simulation` for each robot knows course, landings and how the episode stands.
 change: no foot that could come down is near the ground or carries anything, and the robot stands on a foot, high and
 upright. Such a tick is noted for all robots at once. Any other tick, and one whose sensors draw noise, goes through the
 robot's `Simulation`, so the rules are written there and nowhere else. A robot whose joint torques depend on the state
-within the tick (gears, damping, springs), or that carries a pendulum, walks there entirely.
+within the tick (gears, damping, springs), or that carries a pendulum, takes its substeps one by one.
 """
 
 from collections.abc import Sequence
@@ -25,6 +25,7 @@ from rabbit_sim.robot_urdf import leg_shape
 from rabbit_sim.simulation import SLIP_DISTANCE, SLIP_FRICTION, Simulation, stall_ticks
 
 JOINT_TORQUES, PUSHES = mujoco.mjtState.mjSTATE_QFRC_APPLIED, mujoco.mjtState.mjSTATE_XFRC_APPLIED
+FORCES = 6  # that the feet sense
 PRESSING, IN_THE_PLANE = [2, 5], [0, 2, 3, 5]  # of the forces (x, y, z) of left and right foot on the stones
 ROUNDING = 1e-9  # m, by which numpy may place a foot elsewhere: what is so near goes to `Simulation`
 
@@ -52,7 +53,7 @@ class BatchSimulation:
         pairs = zip(self.simulations, seeds, strict=True)
         self.states = RobotStates.of([simulation.reset(seed) for simulation, seed in pairs])
         n = len(self.states)
-        self._engine = np.zeros((n, 1 + 2 * DOF))  # time, q, dq
+        self._engine = np.zeros((n, 1 + 2 * DOF))  # time, which stands still, q, dq
         self._feet_x, self._feet_z = np.zeros((2, n, 2))
         self._is_clear = np.zeros((n, 2), dtype=bool)
         self._is_airborne, self._is_crossing = np.zeros((2, n), dtype=bool)
@@ -89,60 +90,64 @@ class BatchSimulation:
 
     def step(self, torques: Array) -> RobotStates:
         """Go on one tick under `torques` (N, 4), N m; see `Simulation.step`. All robots are running."""
-        states, n = self.states, self._together
+        states, before = self.states, self._engine.copy()
         states.tick = states.tick + 1
         states.applied = torques.copy()
-        if self._models:
-            before = self._engine[n].copy()
-            path, sensed = self._walked(before, torques)
-            self._engine[n] = self._after[:, -1]
-            states.q[n], states.dq[n] = path[:, -1, :DOF], path[:, -1, DOF:]
-            states.contact[n] = sensed.min(axis=1)[:, PRESSING] < -CONTACT_FORCE
-            forces = sensed.sum(axis=1)[:, IN_THE_PLANE].reshape(-1, 2, 2)
-            states.foot_force[n] = self.true_force[n] = forces / -self._substeps + 0.0  # no -0.0, as alone
-            special = self._may_land(path) | self._is_doubtful()[n] | self._draws_noise[n]
-            for row in special.nonzero()[0].tolist():
-                i = self._numbers[row]
-                simulation = self._simulation_of(i)
-                states_of_tick = np.concatenate([before[row : row + 1, 1:], path[row]])
-                plant_of(simulation).follow(states_of_tick, -sensed[row][:, IN_THE_PLANE].reshape(-1, 2, 2))
-                self._note(i, simulation.conclude(torques[i]))
-        for i in self._alone:
-            self._note(i, self._simulation_of(i).step(torques[i]))
+        self._walk(torques)
+        path, sensed = self._path, self._sensed
+        self._engine[:, 1:] = path[:, -1]
+        states.q, states.dq = path[:, -1, :DOF].copy(), path[:, -1, DOF:].copy()
+        states.contact = sensed.min(axis=1)[:, PRESSING] < -CONTACT_FORCE
+        forces = sensed.sum(axis=1)[:, IN_THE_PLANE].reshape(-1, 2, 2)
+        self.true_force = forces / -self._substeps + 0.0  # no -0.0, as alone
+        states.foot_force = self.true_force.copy()
+        special = self._may_land() | self._is_doubtful() | self._draws_noise
+        for i in special.nonzero()[0].tolist():
+            simulation = self._simulation_of(i)
+            states_of_tick = np.concatenate([before[i : i + 1, 1:], path[i]])
+            plant_of(simulation).follow(states_of_tick, -sensed[i][:, IN_THE_PLANE].reshape(-1, 2, 2))
+            self._note(i, simulation.conclude(torques[i]))
         return states
 
-    def _walked(self, before: Array, torques: Array) -> tuple[Array, Array]:
-        """q and dq (n, substeps, 14) after each substep, and what the feet's sensors say, (n, substeps, 6)."""
-        self._control[:, :, BASE:DOF] = self._actuation.advance(torques)[self._together]
-        for row in self._pushed:
-            simulation = self._simulation_of(self._numbers[row])
+    def _walk(self, torques: Array) -> None:
+        """Of this tick: q and dq after each substep, `_path`, and what the feet's sensors say, `_sensed`."""
+        driven, pushes = self._actuation.advance(torques), np.zeros((len(torques), self._substeps))
+        for i in self._pushed:
+            simulation = self._simulation_of(i)
             simulation.push_for_tick()
-            self._control[row, :, self._push_at] = plant_of(simulation).next_pushes()
-        self._rollout.rollout(
-            self._models,
-            self._data,
-            before,
-            self._control,
-            control_spec=self._applied,
-            nstep=self._substeps,
-            state=self._after,
-            sensordata=self._sensed,
-            skip_checks=True,
-        )
-        return self._after[:, :, 1:], self._sensed
+            pushes[i] = plant_of(simulation).next_pushes()
+        for i in self._one_by_one:
+            plant = plant_of(self.simulations[i])
+            plant.walk(driven[i], pushes[i].tolist(), self._path[i], self._sensed[i])
+        if self._models:
+            at_once = self._at_once
+            self._control[:, :, BASE:DOF] = driven[at_once]
+            if self._pushed:
+                self._control[:, :, self._push_at] = pushes[at_once]
+            self._rollout.rollout(
+                self._models,
+                self._data,
+                self._engine[at_once],
+                self._control,
+                control_spec=self._applied,
+                nstep=self._substeps,
+                state=self._after,
+                sensordata=self._felt,
+                skip_checks=True,
+            )
+            self._path[at_once], self._sensed[at_once] = self._after[:, :, 1:], self._felt
 
-    def _may_land(self, path: Array) -> Array:
-        """Whether a foot may come down, or whether it is off the ground is not sure, (n,)."""
-        n, q = self._together, path.transpose(0, 2, 1)  # substeps last
-        unsure = self._feet_z[n] - self._lowest[n, None] > CLEAR_HEIGHT
-        clear = self._is_clear[n] | (self._feet_z[n] - self._highest[n, None] > CLEAR_HEIGHT)
-        self._is_clear[n] = clear
+    def _may_land(self) -> Array:
+        """Whether a foot may come down, or whether it is off the ground is not sure, (N,)."""
+        q = self._path.transpose(0, 2, 1)  # substeps last
+        unsure = self._feet_z - self._lowest[:, None] > CLEAR_HEIGHT
+        self._is_clear |= self._feet_z - self._highest[:, None] > CLEAR_HEIGHT
         upper, knee = q[:, 2:3] + q[:, BASE:DOF:LEG_JOINTS], q[:, BASE + 1 : DOF : LEG_JOINTS]
         x, z = foot(q[:, 0:1], q[:, 1:2], upper, knee, self._shapes, np)
-        self._feet_x[n], self._feet_z[n] = x[..., -1], z[..., -1]
-        is_low = z.min(axis=2) - self._highest[n, None] < ROUNDING
-        comes_down = clear & (is_low | self.states.contact[n]) | unsure & ~clear
-        return comes_down.any(axis=1) | self._is_crossing[n]
+        self._feet_x, self._feet_z = x[..., -1], z[..., -1]
+        is_low = z.min(axis=2) - self._highest[:, None] < ROUNDING
+        comes_down = self._is_clear & (is_low | self.states.contact) | unsure & ~self._is_clear
+        return comes_down.any(axis=1) | self._is_crossing
 
     def _is_doubtful(self) -> Array:
         """Whether the episode may end, (N,), or a flight begins, goes on or ends: what `Simulation` judges."""
@@ -175,7 +180,6 @@ class BatchSimulation:
         """Robot `i` has been reset."""
         simulation = self.simulations[i]
         self._engine[i, 1:] = np.concatenate([simulation.reading.q, simulation.reading.dq])
-        self._engine[i, 0] = 0.0
         self._feet_x[i], self._feet_z[i] = simulation.reading.foot_position.T
         self._is_clear[i] = False
         self._is_airborne[i] = not simulation.reading.contact.any()
@@ -192,19 +196,21 @@ class BatchSimulation:
             raise ValueError("tick_seconds: expected the same of all robots of a batch")
         self._substeps, self._stall_ticks = parameters[0].substeps, stall_ticks(parameters[0])
         self._rows = np.arange(len(plants))
-        is_alone = np.array([plant.feeds_back or plant.model.nq != DOF for plant in plants])
-        self._alone, numbers = is_alone.nonzero()[0].tolist(), (~is_alone).nonzero()[0]
-        self._numbers, self._together = numbers.tolist(), numbers if is_alone.any() else slice(None)
+        steps = np.array([plant.feeds_back or plant.model.nq != DOF for plant in plants])
+        self._one_by_one, numbers = steps.nonzero()[0].tolist(), (~steps).nonzero()[0]
+        self._at_once = numbers if steps.any() else slice(None)
         self._draws_noise = np.array([bool(s._measuring or s._estimate) for s in self.simulations])
         slips = [SLIP_DISTANCE - ROUNDING if p.ground_friction <= SLIP_FRICTION else np.inf for p in parameters]
         heights, pitches = ([getattr(p, name) for p in parameters] for name in ("fall_height", "fall_pitch"))
         self._limits = np.array([heights, pitches, slips])
-        shapes = np.array([leg_shape(parameters[i]) for i in self._numbers]).reshape(-1, len(LegShape._fields))
+        shapes = np.array([leg_shape(p) for p in parameters])
         self._shapes = shapes.T[:, :, None, None]
-        self._models = [plants[i].model for i in self._numbers]
-        self._pushed = [row for row, i in enumerate(self._numbers) if self.simulations[i]._pushing]
+        self._pushed = [i for i, simulation in enumerate(self.simulations) if simulation._pushing]
+        self._path = np.empty((len(plants), self._substeps, 2 * DOF))
+        self._sensed = np.empty((len(plants), self._substeps, FORCES))
         for i, plant in enumerate(plants):
             plant.watch.clear = self._is_clear[i]
+        self._models = [plants[i].model for i in numbers]
         if self._models:
             model = self._models[0]
             self._applied = int(JOINT_TORQUES | PUSHES if self._pushed else JOINT_TORQUES)
@@ -213,7 +219,7 @@ class BatchSimulation:
             shape = len(self._models), self._substeps
             self._control = np.zeros((*shape, mujoco.mj_stateSize(model, self._applied)))
             self._after = np.empty((*shape, 1 + 2 * DOF))
-            self._sensed = np.empty((*shape, model.nsensordata))
+            self._felt = np.empty((*shape, model.nsensordata))
 
 
 ROWS = (

@@ -69,6 +69,17 @@ class MujocoPlant(EnginePlant):
         self._data.qacc_warmstart[:] = 0.0
         super().advance(command)
 
+    def walk(self, torques: Array, pushes: list[float], path: Array, sensed: Array) -> None:
+        """Walk a tick under the motors' `torques` (substeps, 4), and leave it to `follow` to take in what came of it.
+
+        Writes q and dq after each substep into `path` (substeps, 14), the feet's forces into `sensed` (substeps, 6).
+        """
+        self._data.qacc_warmstart[:] = 0.0
+        self._states = None
+        for substep, _ in enumerate(self._walked(torques, pushes)):
+            path[substep, :DOF], path[substep, DOF:] = self._data.qpos[:DOF], self._data.qvel[:DOF]
+            sensed[substep] = self._pressing
+
     def set_friction(self, leg: Leg, coefficient: float) -> None:
         self.model.geom_friction[self._feet_geoms[leg], 0] = coefficient
 
