@@ -2,8 +2,8 @@
 
 A `Simulation` for each robot knows course, landings and how the episode stands. In most ticks nothing of that can
 change: no foot that could come down is near the ground or carries anything, and the robot stands on a foot, high and
-upright. Such a tick is noted for all robots at once. Any other tick, and one whose sensors draw noise, goes through the
-robot's `Simulation`, so the rules are written there and nowhere else. A robot whose joint torques depend on the state
+upright. Such a tick is noted for all robots at once; any other goes through the robot's `Simulation`, which also asks the
+sensors that draw noise. So the rules are written there and nowhere else. A robot whose joint torques depend on the state
 within the tick (gears, damping, springs), or that carries a pendulum, takes its substeps one by one.
 """
 
@@ -20,7 +20,7 @@ from rabbit_sim.actuation import Actuation
 from rabbit_sim.kinematics import LegShape, foot
 from rabbit_sim.mujoco_plant import MujocoPlant
 from rabbit_sim.parameters import SimulationParameters
-from rabbit_sim.plant import CLEAR_HEIGHT, CONTACT_FORCE
+from rabbit_sim.plant import CLEAR_HEIGHT, CONTACT_FORCE, PlantReading
 from rabbit_sim.robot_urdf import leg_shape
 from rabbit_sim.simulation import SLIP_DISTANCE, SLIP_FRICTION, Simulation, stall_ticks
 
@@ -101,12 +101,15 @@ class BatchSimulation:
         forces = sensed.sum(axis=1)[:, IN_THE_PLANE].reshape(-1, 2, 2)
         self.true_force = forces / -self._substeps + 0.0  # no -0.0, as alone
         states.foot_force = self.true_force.copy()
-        special = self._may_land() | self._is_doubtful() | self._draws_noise
-        for i in special.nonzero()[0].tolist():
+        special = self._may_land() | self._is_doubtful()
+        for i in (special | self._measures).nonzero()[0].tolist():
             simulation = self._simulation_of(i)
-            states_of_tick = np.concatenate([before[i : i + 1, 1:], path[i]])
-            plant_of(simulation).follow(states_of_tick, -sensed[i][:, IN_THE_PLANE].reshape(-1, 2, 2))
-            self._note(i, simulation.conclude(torques[i]))
+            if special[i]:
+                states_of_tick = np.concatenate([before[i : i + 1, 1:], path[i]])
+                plant_of(simulation).follow(states_of_tick, -sensed[i][:, IN_THE_PLANE].reshape(-1, 2, 2))
+                self._note(i, simulation.conclude(torques[i]))
+            else:
+                states[i] = simulation.conclude(torques[i], self._reading(i))
         return states
 
     def _walk(self, torques: Array) -> None:
@@ -165,6 +168,13 @@ class BatchSimulation:
         simulation._tick = int(self.states.tick[i]) - 1
         return simulation
 
+    def _reading(self, i: int) -> PlantReading:
+        """The truth about robot `i` after a tick in which no foot came down."""
+        plant, q, dq = plant_of(self.simulations[i]), self.states.q[i].copy(), self.states.dq[i].copy()
+        path = self._path[i].copy() if plant.keeps_path else None
+        force, contact = self.true_force[i].copy(), self.states.contact[i].copy()
+        return PlantReading(q, dq, force, plant.feet_at(q), contact, (), path)
+
     def _note(self, i: int, state: RobotState) -> None:
         """What the simulation of robot `i` says."""
         simulation = self.simulations[i]
@@ -199,7 +209,7 @@ class BatchSimulation:
         steps = np.array([plant.feeds_back or plant.model.nq != DOF for plant in plants])
         self._one_by_one, numbers = steps.nonzero()[0].tolist(), (~steps).nonzero()[0]
         self._at_once = numbers if steps.any() else slice(None)
-        self._draws_noise = np.array([bool(s._measuring or s._estimate) for s in self.simulations])
+        self._measures = np.array([bool(s._measuring or s._estimate) for s in self.simulations])
         slips = [SLIP_DISTANCE - ROUNDING if p.ground_friction <= SLIP_FRICTION else np.inf for p in parameters]
         heights, pitches = ([getattr(p, name) for p in parameters] for name in ("fall_height", "fall_pitch"))
         self._limits = np.array([heights, pitches, slips])

@@ -29,7 +29,7 @@ Forces = list[list[float]]  # on each foot in a substep, rows left, right; colum
 class EnginePlant(Plant, ABC):
     """RABBIT on stones that are boxes; `watch` finds which feet come down.
 
-    `feeds_back`: whether joint torques depend on the state within a tick.
+    `feeds_back`: whether joint torques depend on the state within a tick; `keeps_path`: whether a reading has a path.
     """
 
     def __init__(self, parameters: SimulationParameters) -> None:
@@ -42,7 +42,7 @@ class EnginePlant(Plant, ABC):
         self._transmissions = [p for p in self._perturbations if p.has("transmitted")]
         self._joint_torques = [p.joint_torque(legs) for p in self._perturbations if p.has("joint_torque")]
         self.feeds_back = bool(self._transmissions or self._joint_torques)
-        self._keeps_path = parameters.needs_path
+        self.keeps_path = parameters.needs_path
 
     def close(self) -> None:
         """Break the reference cycle of plant and detector, so that the last reference frees the engine's memory."""
@@ -110,7 +110,7 @@ class EnginePlant(Plant, ABC):
             left_x, left_z, right_x, right_z = left_x + x, left_z + z, right_x + other_x, right_z + other_z
             left, right = left or z > CONTACT_FORCE, right or other_z > CONTACT_FORCE
             self.watch.substep(forces)
-            if self._keeps_path:
+            if self.keeps_path:
                 q, dq = self._now()
                 self._path.append([*q, *dq])
         self._force = np.array([[left_x, left_z], [right_x, right_z]]) / self._substeps
@@ -142,6 +142,10 @@ class EnginePlant(Plant, ABC):
         """Angle and rate at a reset, by name, of the joints that perturbations have added."""
         slope = radians(self._parameters.slope)
         return {name: state for p in self._perturbations for name, state in p.attached_at(q, dq, slope).items()}
+
+    def feet_at(self, q: Array) -> Array:
+        """Where they are in another state, (2, 2); see `PlantReading`."""
+        return np.array(self._kinematics.points(q.tolist()))
 
     def _locate_feet(self) -> Feet:
         return self._kinematics.points(self._now()[0])

@@ -155,14 +155,18 @@ class Simulation:
         self.plant.advance(torque)
         return self.conclude(torque)
 
-    def conclude(self, torque: Array) -> RobotState:
-        """Take in the tick that the plant has walked under `torque`: landings, how the episode stands, measurements."""
+    def conclude(self, torque: Array, reading: PlantReading | None = None) -> RobotState:
+        """Take in the tick that the plant has walked under `torque`: landings, how the episode stands, measurements.
+
+        `reading`: of a tick in which no foot came down and the robot walked on; None: what the plant says.
+        """
         self._applied = torque.copy()
         self._tick += 1
-        self.reading = self.plant.observe()
-        self._count_landings()
-        if self.outcome is Outcome.RUNNING:
-            self.outcome = self._judge(self.reading)
+        self.reading = reading or self.plant.observe()
+        if reading is None:
+            self._count_landings()
+            if self.outcome is Outcome.RUNNING:
+                self.outcome = self._judge(self.reading)
         return self._state()
 
     def push(self, force: float, seconds: float) -> None:
