@@ -2,9 +2,9 @@
 
 A `Simulation` for each robot knows course, landings and how the episode stands. In most ticks nothing of that can
 change: no foot that could come down is near the ground or carries anything, and the robot stands on a foot, high and
-upright. Such a tick is noted for all robots at once; any other goes through the robot's `Simulation`, which also asks the
-sensors that draw noise. So the rules are written there and nowhere else. A robot whose joint torques depend on the state
-within the tick (gears, damping, springs), or that carries a pendulum, takes its substeps one by one.
+upright. Such a tick is noted for all robots at once; any other goes through the robot's `Simulation`, which also asks
+the sensors that draw noise. So the rules are written there and nowhere else. A robot whose joint torques depend on the
+state within the tick (gears, damping, springs), or that carries a pendulum, takes its substeps one by one.
 """
 
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ from rabbit_description.robot_states import RobotStates
 from rabbit_description.state import DOF, LEG_JOINTS, Array, RobotState
 
 from rabbit_sim.actuation import Actuation
-from rabbit_sim.kinematics import LegShape, foot
+from rabbit_sim.kinematics import foot
 from rabbit_sim.mujoco_plant import MujocoPlant
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.plant import CLEAR_HEIGHT, CONTACT_FORCE, PlantReading
