@@ -114,9 +114,14 @@ function explainFall() {
   explain(walker, clock.row);
 }
 
-// a table over the lower part of the window, or none: above it there is less room for the scenes
+// over the lower part of the window, or not at all: above it there is less room for the scenes
 function showWhy(text) {
-  by("why").querySelector("pre").textContent = text;
+  const parts = text.split("\n\n").map((part) => {
+    const shown = Object.assign(document.createElement("p"), {textContent: `${part}\n`});
+    shown.classList.toggle("rows", part.startsWith("row "));
+    return shown;
+  });
+  by("why").querySelector("pre").replaceChildren(...parts);
   by("why").hidden = !text;
   state.isDirty = true;
 }
