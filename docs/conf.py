@@ -57,7 +57,7 @@ TO_PAGE = re.compile(r"\[((?:!\[[^]]*\]\([^)]*\)|[^][])+)\]\(([^)\s:#]+)\.md(?:#
 
 
 def leave_words(app: Sphinx, page: str, source: list[str]) -> None:
-    """Of a link to a page that is in the repository alone only the words are left."""
+    """Leaves only the words of a link to a page that is in the repository alone."""
 
     def words(link: re.Match[str]) -> str:
         target = Path(app.srcdir, page).parent / link[2]

@@ -29,7 +29,7 @@ def missing() -> str:
 
 
 def key() -> str:
-    """Of what is locked."""
+    """A key of what is locked."""
     return digest(LOCKS, sys.version)
 
 

@@ -33,7 +33,7 @@ Row = dict[str, str]
 
 
 def commit() -> str:
-    """Of the code, with `+` where files differ; those of studies/docs, which are made, do not count."""
+    """The commit of the code, with `+` where files differ; those of studies/docs, which are made, do not count."""
 
     def git(*words: str) -> str:
         return subprocess.run(["git", *words], cwd=ROOT, capture_output=True, text=True, check=True).stdout.strip()
@@ -85,7 +85,7 @@ def ship(about: Mapping[str, Any], out: Path, docs: Path) -> None:
 
 
 def changes(before: Sequence[Row], after: Sequence[Row]) -> Iterable[str]:
-    """Of each method that walks another number of courses in some cell: all that it walked, and walks now."""
+    """For each method that walks another number of courses in some cell: all that it walked, and walks now."""
     old, new = ({tuple(map(row.get, ("folder", "method", "cell"))): row for row in rows} for rows in (before, after))
     common = [key for key in new if key in old and "walked" in old[key]]
     differ = Counter(key[1] for key in common if old[key]["walked"] != new[key]["walked"])

@@ -62,7 +62,7 @@ large, unseen, harm = (partial(walked, name) for name in ("benchmark_mujoco", "u
 
 
 def interval(name: str, this: str, other: str, *maps: Map, terrains: Sequence[str] = TERRAINS) -> list[str]:
-    """Of a hundred courses, how many more one walks than another, and its 95% interval; `#` as on a page."""
+    """How many more of a hundred courses one walks than another, and its 95% interval; `#` as on a page."""
     pair = table(name).paired(this, other, where(*maps, terrains=terrains))
     if pair:
         return [signed(each) for each in pair.difference]
@@ -76,7 +76,7 @@ def points(name: str, this: str, other: str, *maps: Map, terrains: Sequence[str]
 
 
 def signed(share: float, digits: int = 0) -> str:
-    """Of a hundred, a half away from 0."""
+    """A share in hundredths, a half rounded away from 0."""
     value = math.copysign(math.floor(abs(share) * 100 * 10**digits + 0.5 + 1e-9) / 10**digits, share)
     return f"{value:+.{digits}f}" if value else "0"
 
@@ -215,7 +215,7 @@ def kept(rides: Sequence[Mapping[str, str]]) -> int:
 
 
 def least_barrier(rides: Sequence[Mapping[str, str]]) -> float:
-    """Of those that did not fall."""
+    """The least barrier of the rides that did not fall."""
     barriers = [float(value) for row in rides for name, value in row.items() if name not in ENDED and value]
     return round(min(filter(math.isfinite, barriers)), 4) + 0.0
 

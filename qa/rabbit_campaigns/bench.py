@@ -63,7 +63,7 @@ def bench(seed: int) -> dict[str, float]:
 
 
 def ticks_of(assembly: Assembly, seed: int) -> Iterator[tuple[Any, float]]:
-    """Of a walk, compiled where that is allowed: the plant as each tick begins, and the time of `Controller.act`, s."""
+    """The ticks of a walk, compiled where allowed: the plant as each begins, and the time of `Controller.act`, s."""
     simulation, controller = assembly.build()
     controller.compile(wait=True)
     with closing(simulation):
@@ -120,7 +120,7 @@ def bare_steps(plant: Any) -> float:
 
 
 def exported_tick(assembly: Assembly, seed: int) -> dict[str, float]:
-    """Of the exported C, a million ticks of a walk: median and worst."""
+    """Median and worst tick of the exported C, over a million ticks of a walk."""
     simulation, controller = assembly.build()
     with TemporaryDirectory() as folder, closing(simulation):
         export(controller, Path(folder))
@@ -131,7 +131,7 @@ def exported_tick(assembly: Assembly, seed: int) -> dict[str, float]:
 
 
 def first_tick_seconds() -> dict[str, float]:
-    """Of a process with an empty cache of compiled functions, and of the next one."""
+    """The first tick of a process with an empty cache of compiled functions, and that of the next process."""
     with TemporaryDirectory() as folder:
         environment = {**os.environ, CACHE: folder}
         command = [sys.executable, "-c", FIRST_TICK]

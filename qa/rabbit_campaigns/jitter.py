@@ -53,7 +53,7 @@ def walk_beside(
 
 
 def figures(recording: Path) -> dict[str, Any]:
-    """Of one walk: timing, how its episodes ended, ticks lost on the way to the recorder."""
+    """The figures of one walk: timing, how its episodes ended, ticks lost on the way to the recorder."""
     found = contents(recording)
     outcomes = Counter(sorted(episode.outcome for episode in found.episodes if episode.outcome not in ("", CUT_OFF)))
     return {

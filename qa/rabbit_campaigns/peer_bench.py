@@ -21,7 +21,7 @@ ROUNDS, CALLS = 300, 50
 
 
 def cbfpy_ratios() -> dict[str, float]:
-    """Of cruise control and point robot; says so and gives none where cbfpy is not installed."""
+    """Ratios for cruise control and the point robot; says so and gives none where cbfpy is not installed."""
     try:
         with patch.dict(os.environ, ENVIRONMENT), patch.object(sys, "path", [*sys.path, str(TESTS)]):
             calls = both()

@@ -141,7 +141,7 @@ def _counted(seconds: NDArray[np.float64]) -> tuple[float, float]:
 
 
 def _processor_time(samples: Samples) -> tuple[float, list[float]]:
-    """Of simulator and controller, ms a tick, median; its drift from begin to end as a share, with 95% interval.
+    """Median time of simulator and controller, ms a tick; its drift from begin to end as a share, with 95% interval.
 
     processor time = (ms a tick) ticks + (ms a second) seconds: timers and the middleware's leases run by the clock, and
     where other work slows the walk they are more a tick. That part is fitted and taken off before the drift.

@@ -17,7 +17,7 @@ class Paired:
 
     @property
     def p_value(self) -> float:
-        """Of the sign test: each discordant course is as likely to be the one's as the other's."""
+        """The p-value of the sign test: each discordant course is as likely to be the one's as the other's."""
         discordant = self.only_this + self.only_other
         return float(stats.binomtest(self.only_this, discordant).pvalue) if discordant else 1.0
 

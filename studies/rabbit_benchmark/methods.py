@@ -133,7 +133,7 @@ BUILT_IN = (
 
 
 def names() -> list[str]:
-    """Of all methods: those built in, then those of packages; raises `MethodError` where two have one name."""
+    """The names of all methods, the built-in ones first; raises `MethodError` where two are the same."""
     own = [each.name for each in BUILT_IN]
     try:
         return [*own, *(name for name in plugins.names(GROUP) if name not in own)]

@@ -58,7 +58,7 @@ class Table:
 
     @classmethod
     def read(cls, path: Path) -> "Table":
-        """Of a file; raises `ValueError` where it is none."""
+        """Reads the table of a file; raises `ValueError` where it is none."""
         return cls(read_rows(path, BenchmarkRow))
 
     def write(self, path: Path) -> None:

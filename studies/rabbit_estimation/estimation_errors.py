@@ -119,7 +119,7 @@ def summarise(walks: Iterable[EstimatedWalk]) -> dict[str, Any]:
 
 
 def shares(walks: Sequence[Array]) -> tuple[float, float]:
-    """Of the ticks in which the mean over the walks is within its bounds, and above them.
+    """The shares of ticks in which the mean over the walks is within its bounds, and above them.
 
     A walk of T ticks is normalised squares and their freedom, (T, 2).
     """

@@ -105,7 +105,7 @@ def _stacked(estimates: Sequence[Estimates]) -> Array:
 
 
 def _errors(guess: Array, truth: Array, mu: Array) -> Errors:
-    """Of one quantity; `guess` and `truth` (T, 5) are alpha and beta."""
+    """The errors of one quantity; `guess` and `truth` (T, 5) are alpha and beta."""
     wrong, with_one = guess - truth, np.column_stack([mu, np.ones(len(mu))])
     size = _rms((truth * with_one).sum(axis=1))
     alpha, beta = slice(-1), slice(-1, None)

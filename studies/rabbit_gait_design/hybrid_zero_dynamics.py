@@ -32,7 +32,7 @@ class Walker:
 
     @cached_property
     def functions(self) -> tuple[NumpyFunction, ...]:
-        """Of its outputs along any path."""
+        """The functions of its outputs along any path."""
         return output_functions(self.angles)
 
     def along(self, path: StepPath) -> ZeroDynamics:
@@ -108,7 +108,7 @@ class RepeatedStep:
 
     @property
     def duration(self) -> float:
-        """Of the step, s."""
+        """The duration of the step, s."""
         return float(np.trapezoid(1 / self.rates, self.phases))
 
     @property

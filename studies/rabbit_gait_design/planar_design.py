@@ -114,7 +114,7 @@ class _Programme:
         self._step = lru_cache(4 * shape[0] * shape[1])(self._evaluated)
 
     def path(self, x: Array) -> StepPath:
-        """Of the unknowns `x`."""
+        """The path of the unknowns `x`."""
         return impact_invariant(self._walker, x[:-1].reshape(self._shape), float(x[-1]))
 
     def cost(self, x: Array) -> float:

@@ -54,7 +54,7 @@ class Transcription(ca.Opti):
         self._figures = ca.Function("figures", [self.x], [self.f, self.g, self.lbg, self.ubg])
 
     def latest(self) -> tuple[float, Array]:
-        """Of the latest iterate the cost, and by how much each row is broken, (n,), below zero where it is not."""
+        """The cost of the latest iterate, and by how much each row is broken, (n,), below zero where it is not."""
         cost, *rows = self._figures(self.debug.value(self.x))
         values, lower, upper = (np.asarray(row).ravel() for row in rows)
         return float(cost), np.maximum(lower - values, values - upper)

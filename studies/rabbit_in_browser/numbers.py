@@ -126,7 +126,7 @@ def plant_numbers() -> dict[str, Any]:
 
 
 def numbers(text: str) -> list[float]:
-    """Of an attribute."""
+    """The numbers of an attribute."""
     return [float(each) for each in text.split()]
 
 

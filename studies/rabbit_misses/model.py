@@ -54,7 +54,7 @@ class MissProbability(Checked):
 
     @classmethod
     def fitted(cls, rows: Array, missed: Array, fitted_on: str) -> Self:
-        """Of `rows` (n, 17) of touchdowns and whether each step `missed` (n,).
+        """Fits it to `rows` (n, 17) of touchdowns and to whether each step `missed` (n,).
 
         Raises:
             MissModelError: fewer misses than LEAST_MISSES.

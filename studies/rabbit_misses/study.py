@@ -84,7 +84,7 @@ class Bin:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Of the rate."""
+        """The interval of the rate."""
         return wilson(self.misses, self.steps)
 
     @property

@@ -118,7 +118,7 @@ class Experiment(ABC):
         return that_made(each.policy for job in self.jobs(size) for each in job.assemblies)
 
     def tables(self, found: Found) -> Sequence[Table]:
-        """Of its lines."""
+        """The tables of its lines."""
         return (runs_table(self.lines(), found),)
 
     def _claims(self, found: Found) -> list[Claim]:

@@ -115,7 +115,7 @@ def total(walks: Sequence[Sequence[Feasibility]]) -> int:
 
 
 def share(walks: Sequence[Sequence[Feasibility]], who: int, rows: RowSet) -> float:
-    """Of the ticks of these walks in which judge `who` finds its rows infeasible."""
+    """The share of these walks' ticks in which judge `who` finds its rows infeasible."""
     return sum(getattr(run, rows)[who] for runs in walks for run in runs) / max(total(walks), 1)
 
 

@@ -101,7 +101,7 @@ def _counted(verdicts: Iterable[str]) -> str:
 
 
 def _section(out: Path, rows: Sequence[Row]) -> str:
-    """Of an experiment: what it is, why it differs, its files and its command."""
+    """The section of an experiment: what it is, why it differs, its files and its command."""
     about, first = catalogued().get(rows[0]["experiment"], {}), rows[0]
     name = first["experiment"]
     differs = any(row["verdict"] not in (Verdict.REPRODUCED, Verdict.OPEN) for row in rows)

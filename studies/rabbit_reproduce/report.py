@@ -23,7 +23,7 @@ Cell = str | int | float | bool | None
 
 
 class Verdict(StrEnum):
-    """Of a claim."""
+    """The verdict on a claim."""
 
     REPRODUCED = "reproduced"
     PARTLY = "partly"
@@ -119,7 +119,7 @@ class Report:
 
 
 def read_rows(path: Path) -> list[dict[str, str]]:
-    """Of a file of these; none where there is no such file."""
+    """The rows of a file of these; none where there is no such file."""
     if not path.is_file():
         return []
     with path.open(encoding="utf-8", newline="") as file:

@@ -48,7 +48,7 @@ COLUMNS = (
 
 @dataclass(frozen=True)
 class Runs:
-    """Of a line on the main plant, where they are not the size's own."""
+    """The runs of a line on the main plant, where they are not the size's own."""
 
     whole: int
     quick: int
@@ -80,7 +80,7 @@ class Size:
         return [each for each in beside if self.beside or each is MAIN]
 
     def title(self, column: "Column") -> str:
-        """Of a column."""
+        """The title of a column."""
         return column.title.replace(MAIN.title, PLANT_TITLES[self.plant])
 
 

@@ -57,7 +57,7 @@ class TrainingJob(Job):
 
     @property
     def name(self) -> str:
-        """Of its folder, without the key."""
+        """The name of its folder, without the key."""
         return f"{self.parameters.problem}-scale-{self.plant.mass_scale:g}-seed-{self.parameters.seed}"
 
     @property
@@ -175,7 +175,7 @@ class Trained:
         return folder / POLICY if episode is None else folder / "policies" / f"{episode:03d}.safetensors"
 
     def episodes(self) -> list[Episode]:
-        """Of all trainings."""
+        """The episodes of all trainings."""
         return [row for job in self.made.values() for row in episodes_of(job, Cache(self.root / "cache"))]
 
 

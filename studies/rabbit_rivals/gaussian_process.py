@@ -53,7 +53,7 @@ class Kernel:
 
 
 class Posterior:
-    """Of one quantity, from transitions `x` (n, d), `w` (n, m), `z` (n,); `inducing` are the rows that span it."""
+    """The posterior of one quantity, from transitions `x` (n, d), `w` (n, m), `z` (n,), spanned by rows `inducing`."""
 
     def __init__(self, kernel: Kernel, x: Array, w: Array, z: Array, inducing: Array) -> None:
         self.kernel = kernel

@@ -136,7 +136,7 @@ class GpController(Controller):
 
 
 def combinations(quantities: tuple[str, ...], friction_coeff: float) -> dict[str, Array]:
-    """Of the quantities (n,), what each row constrains, by the row's name; the sign of a row plays no part."""
+    """What each row constrains of the quantities (n,), by the row's name; the sign of a row plays no part."""
     unit = dict(zip(quantities, np.eye(len(quantities)), strict=True))
     rows = {"CLF": unit["V"]}
     if "B1" in unit:

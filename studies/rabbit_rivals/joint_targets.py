@@ -69,7 +69,7 @@ class NetworkPolicy(Policy):
 
 @dataclass
 class Memory:
-    """Of N robots: the last `frames` (N, FRAMES, FEATURES), the oldest first, the last action, and in which tick."""
+    """N robots' memory: the last `frames` (N, FRAMES, FEATURES), the oldest first, the last action, and its tick."""
 
     frames: Array
     action: Array

@@ -42,7 +42,7 @@ class OverPlants(WalkingEnv):
 
     @abstractmethod
     def step_reward(self, landing: Landing) -> float:
-        """Of a step that was just taken."""
+        """The reward of a step that was just taken."""
 
     def draw(self, seed: int) -> SimulationParameters:
         """The plant of an episode."""

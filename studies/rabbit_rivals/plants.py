@@ -50,7 +50,7 @@ def described(plant: SimulationParameters) -> Array:
 
 @cache
 def ranges() -> dict[str, tuple[float, float]]:
-    """Of all that may be drawn."""
+    """The ranges of all that may be drawn."""
     found = dict(storm().on("stones")) | {"motor_lag": LAGS}
     for family in families().families.values():
         if family.split == "development":

@@ -40,7 +40,7 @@ class SessionError(RuntimeError):
 
 @dataclass(frozen=True)
 class Options:
-    """Of a session; `ticks` may grow when it goes on. `rollout`: ticks of each robot between two updates."""
+    """A session's options; `ticks` may grow when it goes on. `rollout`: ticks of each robot between two updates."""
 
     learner: str
     ticks: int

@@ -168,7 +168,7 @@ def train(task: ControlTask, ticks: int, seed: int) -> ModelFile[TaskAbout]:
 
 
 def controller_of(task: ControlTask, path: Path) -> OwnController:
-    """Of a trained file; raises `TaskError`."""
+    """The controller of a trained file; raises `TaskError`."""
     try:
         file = read(path, TaskAbout)
     except PolicyFileError as error:

@@ -49,12 +49,12 @@ class SideBySide(VecEnv):
         """Nothing is open."""
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        """Of each robot's environment."""
+        """The attribute of each robot's environment."""
         values = [getattr(part, attr_name) for part in self.environments for _ in range(part.num_envs)]
         return [values[i] for i in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-        """Of all environments."""
+        """Sets the attribute of all environments."""
         for environment in self.environments:
             setattr(environment, attr_name, value)
 

@@ -40,7 +40,7 @@ class SpeedModel:
 
 
 class Rows(NamedTuple):
-    """Of a plant's steps: regressors (n, 4), speeds (n,), instruments (n, 5)."""
+    """The rows of a plant's steps: regressors (n, 4), speeds (n,), instruments (n, 5)."""
 
     x: Array
     y: Array
@@ -48,7 +48,7 @@ class Rows(NamedTuple):
 
 
 def rows(walks: Sequence[Steps]) -> Rows:
-    """Of one plant, from the sixth step on; the last step of a walk, which may be a fall, is left out."""
+    """The rows of one plant from the sixth step on, but for the last step of a walk, which may be a fall."""
     x, y, z = [], [], []
     for walk in walks:
         v, gamma = walk.speeds[:-1], walk.slopes[:-1]

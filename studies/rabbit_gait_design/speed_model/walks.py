@@ -22,8 +22,8 @@ TERRAINS: tuple[Terrain, ...] = ("flat", "stones")
 
 
 class Steps(BaseModel):
-    """Of each step of a walk from the second on: the slope that it was made for, degrees, and its mean speed less that
-    of its periodic gait, m/s."""
+    """A walk's steps from the second on: the slope that each was made for, degrees, and its mean speed less that of
+    its periodic gait, m/s."""
 
     model_config = ConfigDict(frozen=True)
 

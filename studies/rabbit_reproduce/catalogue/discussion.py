@@ -88,7 +88,7 @@ class SmallMass(Experiment):
 
     @cached_property
     def by_key(self) -> dict[Any, Line]:
-        """Of 20 steps, by scale and controller; and one of a thousand."""
+        """The lines of 20 steps, by scale and controller; and one of a thousand."""
         who = (*WHO["flat"], *WHO["stones"], RL_CBF_CLF_LIGHT)
         lines: dict[Any, Line] = {(scale, each): self._line(scale, each) for scale in SMALL for each in who}
         assembly = RL_CBF_CLF_LIGHT.assembly(mass_scale=SMALL[0], stones=LONG)

@@ -32,7 +32,7 @@ class Judged(Experiment):
 
     @abstractmethod
     def cases(self, size: Size) -> Iterable[Case]:
-        """Of which there are walks."""
+        """The cases of which there are walks."""
 
     @abstractmethod
     def walks_of(self, size: Size, case: Any) -> list[list[JudgedWalk]]:
@@ -206,7 +206,7 @@ class FeasibilityByEpisode(Judged):
         return {"feasibility_by_episode": figure}
 
     def claims(self, found: Found) -> list[Claim]:
-        """Of the safety rows, of all; and whether the learned rows are at last infeasible as often as the true ones.
+        """Claims about the safety rows, about all rows, and whether those learned last fail as often as the true ones.
 
         A wrong model's rows may well be feasible where the true ones are not.
         """
@@ -233,12 +233,12 @@ class FeasibilityByEpisode(Judged):
         return self.claim("learning", ours, parts, rows=name)
 
     def _beside(self, found: Found) -> dict[RowSet, tuple[float, float]]:
-        """Of the nominal controller and the oracle."""
+        """The shares of the nominal controller and of the oracle."""
         walks = self.judged(found, "common")
         return {rows: (share(walks, 0, rows), share(walks, 1, rows)) for rows in SETS}
 
     def _curves(self, found: Found) -> dict[RowSet, Any]:
-        """Of each training over `EPISODES`, (trainings, episodes)."""
+        """The curve of each training over `EPISODES`, (trainings, episodes)."""
         walks, n = self.judged(found, "common"), len(EPISODES)
         return {
             rows: np.array([[share(walks, 2 + n * i + j, rows) for j in range(n)] for i in range(len(_trained(found)))])

@@ -32,7 +32,7 @@ TICKS = (0.01, 0.02, 0.03, 0.05, 0.1, 0.2, 0.5, 1.0)  # rad
 
 @dataclass(frozen=True)
 class Setting:
-    """Of L1; None has no meaning for the piecewise law."""
+    """A setting of L1; None has no meaning for the piecewise law."""
 
     law: str
     gain: float | None
@@ -41,7 +41,7 @@ class Setting:
 
     @property
     def parameters(self) -> dict[str, Any]:
-        """Of the controller."""
+        """The parameters of the controller."""
         gain = {} if self.gain is None else {"l1_gain": self.gain}
         return {"l1_law": self.law, "l1_substeps": self.substeps, **gain, **(WIDE if self.wide else {})}
 
@@ -119,7 +119,7 @@ class L1Sweep(Experiment):
         ]
 
     def _panel(self, axes: Axes, scale: float, found: Found) -> None:
-        """Of a scale."""
+        """Draws the panel of a scale."""
         every = self.walks(found)
         for (law, (colour, marker)), (substeps, rate) in product(LOOKS.items(), RATES.items()):
             walks = [every[scale, Setting(law, gain, substeps)] for gain in GAINS]

@@ -54,7 +54,7 @@ class LearningCurves(Experiment):
         return {"learning_curves": learning_figure(by_contender(found.size))}
 
     def claims(self, found: Found) -> list[Claim]:
-        """Of each problem."""
+        """The claims of each problem."""
         return [self._claim(each, own) for each, own in by_contender(found.size).items()]
 
     def _claim(self, contender: Contender, own: Sequence[Session]) -> Claim:

@@ -122,7 +122,7 @@ class NominalStones(Experiment):
 
 
 def violations(walks: Walks) -> tuple[str, dict[str, bool]]:
-    """Of cone and unilateral force, in words, and of which there are some in each run."""
+    """Violations of cone and unilateral force, in words, and of which there are some in each run."""
     over, lost = walks.total("ticks_over_cone"), walks.total("ticks_lost")
     text = f"{over} ticks over the cone, {lost} without a push from the ground, in {walks.runs} runs"
     return text, {"cone": over >= AGAIN * walks.runs, "unilateral": lost >= AGAIN * walks.runs}

@@ -49,6 +49,6 @@ class Affine:
 
 
 def inverse(matrix: ca.SX) -> ca.SX:
-    """Of a square matrix: by its minors where it is small, else by QR, which takes n^3 operations and not n!."""
+    """Inverse of a square matrix: by minors where it is small, else by QR, which takes n^3 operations and not n!."""
     n = matrix.shape[0]
     return ca.inv_minor(matrix) if n <= 4 else ca.solve(matrix, ca.SX.eye(n))

@@ -62,7 +62,7 @@ def view(place: slice, shape: tuple[int, ...]) -> property:
 
 
 def values_type(places: Mapping[str, Place]) -> type[Values]:
-    """Of rows with arrays at these places."""
+    """The type of rows with arrays at these places."""
     return type("Values", (Values,), {name: view(*place) for name, place in places.items()})
 
 
@@ -88,7 +88,7 @@ class NumpyFunction:
     def of(
         cls, name: str, inputs: Mapping[str, ca.SX], outputs: Mapping[str, ca.SX], matrices: Collection[str] = ()
     ) -> "NumpyFunction":
-        """Of expressions by name; `matrices` are outputs that stay (n, m) if they have one column."""
+        """Makes one of expressions by name; `matrices` are outputs that stay (n, m) if they have one column."""
         arguments = [row_major(symbol) for symbol in inputs.values()]
         function = ca.Function(name, arguments, [packed(outputs)], list(inputs), ["values"], {"cse": True})
         return cls(function, places_of(outputs, matrices))
@@ -158,11 +158,11 @@ class Layout:
 
     @classmethod
     def of(cls, function: NumpyFunction) -> "Layout":
-        """Of the row that a function gives."""
+        """The layout of the row that a function gives."""
         return cls({name: place.stop - place.start for name, (place, _) in function.places.items()})
 
     def parts(self, row: Any) -> dict[str, Any]:
-        """Of a row, by name."""
+        """The parts of a row, by name."""
         return {name: row[place] for name, (place, _) in self.places.items()}
 
     def joined(self, values: Mapping[str, Any]) -> Any:
@@ -176,7 +176,7 @@ def row_major(value: ca.SX) -> ca.SX:
 
 
 def row_by_row(values: Any, columns: int) -> Any:
-    """Of such a column the matrix with so many columns."""
+    """The matrix with so many columns that such a column holds."""
     return ca.reshape(values, columns, values.numel() // columns).T
 
 

@@ -148,7 +148,7 @@ class Tick:
         return Estimates.zero(len(self.names), self.terms.inputs)
 
     def _inputs(self, x: Array, p: Array, estimates: Estimates) -> tuple[Array, ...]:
-        """Of the functions; an output error that is not known is zero where nothing depends on it."""
+        """The functions' inputs; an output error that is not known is zero where nothing depends on it."""
         if estimates.output_error is not None:
             return x, p, estimates.alpha, estimates.beta, estimates.output_error
         if self.needs_output_error:

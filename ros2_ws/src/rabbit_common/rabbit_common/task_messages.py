@@ -12,7 +12,7 @@ from rabbit_common.message_checks import Refused, array_of, check_finite, check_
 
 
 def measured_fields(state: RobotState) -> dict[str, Any]:
-    """Of `RobotState`, but its head and its feet, which a task lacks."""
+    """The fields of `RobotState`, but for its head and its feet, which a task lacks."""
     arrays = {name: doubles(getattr(state, name)) for name in ("q", "dq", "applied")}
     return {**arrays, "touchdowns": state.touchdowns, "running": state.running}
 
@@ -26,7 +26,7 @@ def state_of(task: ControlTask, message: Any, parameters: Any) -> RobotState:
 
 
 def parameter_fields(task: ControlTask, p: Array) -> dict[str, Any]:
-    """Of `TaskParameters`, but its head: what is commanded at a tick."""
+    """The fields of `TaskParameters`, but for its head: what is commanded at a tick."""
     values = dict(zip(task.system.named, p, strict=True))
     return {"names": list(task.commanded), "values": doubles(np.array([values[name] for name in task.commanded]))}
 

@@ -16,6 +16,6 @@ def impact_ticks(tick_seconds: float = TICK_SECONDS) -> int:
 
 
 def force_ratio(force: Array) -> Array:
-    """Of forces (..., 2): tangential, normal, N; NaN where the foot is not loaded."""
+    """The ratio of forces (..., 2), tangential and normal, N; NaN where the foot is not loaded."""
     tangential, normal = np.moveaxis(force, -1, 0)
     return np.divide(np.abs(tangential), normal, out=np.full(normal.shape, np.nan), where=normal > LOADED)

@@ -40,7 +40,7 @@ class RobotStates:
         return len(self.tick)
 
     def __getitem__(self, i: int) -> RobotState:
-        """Of robot `i`; its arrays are views."""
+        """The state of robot `i`; its arrays are views."""
         values = {name: getattr(self, name)[i] for name in ARRAYS}
         values |= {"tick": int(self.tick[i]), "touchdowns": int(self.touchdowns[i]), "running": bool(self.running[i])}
         return RobotState(**values, preview=self.previews[i])

@@ -43,7 +43,7 @@ class RobotLayout:
 
     @property
     def lengths(self) -> dict[str, int]:
-        """Of the arrays of a `RobotState`."""
+        """The lengths of a `RobotState`'s arrays."""
         n, feet = len(self.coordinates), len(self.feet)
         return {"q": n, "dq": n, "foot_force": 2 * feet, "contact": feet, "applied": len(self.joints)}
 
@@ -87,7 +87,7 @@ class StonePreview:
 
 
 def newest_preview(previews: Mapping[int, StonePreview], now: int, since: int = 0) -> StonePreview | None:
-    """Of the previews of one stone by stamp, ns: the newest from `since` to `now`.
+    """The newest of one stone's previews by stamp, ns, from `since` to `now`.
 
     The simulator previews a stone at the touchdown before it, so a preview belongs to the first state that needs it: it
     is stamped after the state before, and not after this one.

@@ -210,22 +210,22 @@ class ControlTask:
 
     @property
     def names_of_x(self) -> tuple[str, ...]:
-        """Of the state's components."""
+        """The names of the state's components."""
         named = [*self.coordinates, *(f"d{name}" for name in self.coordinates)]
         return tuple(named[i] if i < len(named) else f"x{i + 1}" for i in range(self.system.x.numel()))
 
     @property
     def names_of_q(self) -> tuple[str, ...]:
-        """Of the coordinates."""
+        """The names of the coordinates."""
         return self.coordinates or tuple(f"x{i + 1}" for i in range(self.system.x.numel()))
 
     @property
     def names_of_u(self) -> tuple[str, ...]:
-        """Of the inputs."""
+        """The names of the inputs."""
         return self.inputs or tuple(f"u{i + 1}" for i in range(self.system.u.numel()))
 
     def beginning(self, seed: int) -> tuple[Array, Given, np.random.Generator]:
-        """Of an episode: its first state x (n,), the other parameters, and the generator of what exploration adds."""
+        """How an episode begins: the first state x (n,), other parameters, and exploration's generator."""
         course, exploring = (np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(2))
         x = course.uniform(*np.asarray(self.start, dtype=float))
         commanded, announced = self.commands(course), self.announce(course)
@@ -271,12 +271,12 @@ class ControlTask:
 
     @property
     def ticks(self) -> int:
-        """Of an episode, at most."""
+        """The most ticks of an episode."""
         return round(self.duration / self.seconds)
 
     @property
     def substeps(self) -> int:
-        """Of the plant in a tick."""
+        """The plant's substeps in a tick."""
         return max(1, math.ceil(self.seconds / SUBSTEP - 1e-9))
 
     @cached_property
@@ -334,7 +334,7 @@ class ControlTask:
 
     @cached_property
     def _limited(self) -> NumpyFunction:
-        """Of all limits the values, and by how much they are passed."""
+        """The values of all limits, and by how much they are passed."""
         system, limits = self.system, self.limits.values()
         beyond = [ca.fmax(limit.value - limit.most, limit.least - limit.value) for limit in limits]
         columns = {"values": [limit.value for limit in limits], "beyond": beyond}
@@ -342,7 +342,7 @@ class ControlTask:
         return NumpyFunction.of("limited", {"x": system.x, "p": system.p, "u": system.u}, outputs)
 
     def why_failed(self, now: Moved, p: Array, impacts: int) -> str:
-        """Of an episode with this outcome: which limit was passed, its value and the bound."""
+        """Why an episode with this outcome failed: which limit was passed, its value and the bound."""
         if not np.isfinite(now.x).all():
             return f"state = {now.x.tolist()}: expected finite numbers"
         limited = self._limited(now.x, p, now.u)

@@ -124,7 +124,7 @@ class ContactAidedFilter:
         return replace(state, q=found.q, dq=found.dq)
 
     def angles_and_rates_covariance(self) -> Array:
-        """Of the errors of (pitch, joints, v, pitch rate, joint rates) when the sensors were read, shape (12, 12)."""
+        """The errors' covariance (12, 12) of (pitch, joints, v, pitch rate, joint rates) when the sensors were read."""
         select = np.eye(SIZE)[np.r_[PITCH, J, V, GYRO, DJ]]
         select[1 + JOINTS + SLIDES, [GYRO, GYRO_NOISE]] = -1
         return select @ self.found.covariance @ select.T
@@ -330,12 +330,12 @@ def turn(pitch: ca.SX) -> ca.SX:
 
 
 def angle_noise(p: Any) -> ca.SX:
-    """Of an encoder's rounding, rad."""
+    """The deviation of an encoder's rounding, rad."""
     return p.encoder_resolution / sqrt(12)
 
 
 def rate_noise(p: Any) -> ca.SX:
-    """Of the rate between two rounded angles, rad/s."""
+    """The deviation of the rate between two rounded angles, rad/s."""
     return sqrt(2) * angle_noise(p) / p.rate_window
 
 

@@ -46,7 +46,7 @@ def measure_scales(assembly: Assembly, seeds: Iterable[int]) -> dict[str, Scales
 
 
 def units_of(records: WalkRecords) -> np.ndarray:
-    """Of each tick and quantity: |LgV| + 1 for V, 1 for the others; (ticks, n)."""
+    """The unit of each tick and quantity: |LgV| + 1 for V, 1 for the others; (ticks, n)."""
     clf = np.array(records.about["quantities"]) == "V"
     size = np.linalg.norm(records.LgV, axis=1)
     return np.where(clf, size[:, None] + 1, 1.0)

@@ -131,7 +131,7 @@ class RunResult(BaseModel):
 
 
 def qp_row(name: str) -> str:
-    """Of `ROWS`, if it is one of them."""
+    """The name in `ROWS` of a row of the QP, if it has one."""
     return name if name in ROWS else name[: 1 if name[0] == "u" else 2]
 
 
@@ -146,7 +146,7 @@ class TickColumns:
         self.layout = Layout(self.SIZES | {"B": len(barriers), "B_rate": len(barriers)})
 
     def of(self, output: ControllerOutput, force: Array) -> Array:
-        """Of one robot's tick; `force` (2, 2): the true ones, N."""
+        """The row of one robot's tick; `force` (2, 2): the true ones, N."""
         row = np.empty(self.layout.size)
         active = {qp_row(name) for name in output.active}
         row[:] = [

@@ -32,7 +32,7 @@ MADE_WITH = "made_with.json"  # in a folder in which one thing is made
 
 @cache
 def versions() -> dict[str, str]:
-    """Of Python and of the libraries that are installed."""
+    """The versions of Python and of the libraries that are installed."""
     installed = {"python": platform.python_version()}
     for name in LIBRARIES:
         with suppress(PackageNotFoundError):

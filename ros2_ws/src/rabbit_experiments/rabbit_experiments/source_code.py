@@ -26,7 +26,7 @@ def code_of(modules: frozenset[str]) -> dict[str, str]:
 
 
 def _digest(package: str) -> str:
-    """Of all files in a package's folders, or of a module's only one."""
+    """The digest of all files in a package's folders, or of a module's only one."""
     try:
         spec = find_spec(package)
     except ValueError:  # `__main__` of a prompt

@@ -36,7 +36,7 @@ class Walks:
 
     @property
     def with_forces(self) -> int:
-        """Of these, runs whose forces kept the cone and the ground's push, more than 30 ms after each impact."""
+        """Runs among these whose forces kept the cone and the ground's push, more than 30 ms after each impact."""
         return self.total("success_with_forces")
 
     @property
@@ -56,7 +56,7 @@ class Walks:
 
     @property
     def mean_stones(self) -> float:
-        """Of the runs."""
+        """The runs' mean number of stones."""
         return float(self.stones.mean())
 
     @property
@@ -133,7 +133,7 @@ def summarise(
 
 
 def times(results: Sequence[RunResult], tick_seconds: float = TICK_SECONDS) -> dict[str, float | None]:
-    """Of the control tick over all ticks, ms, and simulated over wall seconds of the walks, one process each."""
+    """Times of the control tick over all ticks, ms, and simulated over wall seconds of the walks, one process each."""
     every = np.concatenate([result.tick_seconds for result in results])
     wall = sum(result.row.walk_seconds for result in results)
     low, high = np.percentile(every * 1e3, [50, 99]).tolist() if every.size else (None, None)

@@ -64,7 +64,7 @@ class TaskRide(Job):
 
     @property
     def stamps(self) -> tuple[int, ...]:
-        """Of the files: when each was changed, ns."""
+        """When each of the files was changed, ns."""
         return tuple(file.stat().st_mtime_ns for file in self.files)
 
     @property
@@ -118,7 +118,7 @@ def task_of(source: str, stamps: tuple[int, ...]) -> ControlTask:
 
 @lru_cache(maxsize=1)
 def controller_of(source: str, plant: Plant, stamps: tuple[int, ...]) -> TaskController:
-    """Of a task on this plant."""
+    """The controller of a task on this plant."""
     task = task_of(source, stamps)
     return TaskController(replace(task, true={**task.true, **dict(plant)}) if plant else task)
 
@@ -143,7 +143,7 @@ def plants_of(task: ControlTask) -> dict[str, Plant]:
 
 
 def summarise(task: ControlTask, rides: Sequence[RideRow]) -> dict[str, Any]:
-    """Of one controller's rides; a barrier's figures are of rides that did not fail."""
+    """The figures of one controller's rides; those of a barrier are of rides that did not fail."""
     kept = sum(ride.kept for ride in rides)
     summary: dict[str, Any] = {"kept": kept, "of": len(rides), "kept_ci95": wilson(kept, len(rides)), "barriers": {}}
     done = np.array([ride.margins for ride in rides if ride.outcome == "done"])

@@ -189,7 +189,7 @@ class LearnerUnits:
         self.actions = Box(-1.0, 1.0, ((problem.inputs + 1) * n,), np.float32)
 
     def estimates(self, actions: Array, LgV: Array) -> Estimates:
-        """Of N robots, the actions (N, (m + 1) n) times their scales; those of V also times |LgV| + 1, LgV (N, m)."""
+        """N robots' actions (N, (m + 1) n) times their scales; those of V also times |LgV| + 1, LgV (N, m)."""
         estimates = self._estimates(actions, LgV, *self._scales)
         return Estimates(estimates.alpha, estimates.beta, None)
 
@@ -241,7 +241,7 @@ class VectorWalkingEnv(WalkingEnv):
         return rewards, np.array([transition.failed for transition in transitions])
 
     def _transition(self, i: int) -> Transition:
-        """Of robot `i`, from its output to what is seen next, or to the end."""
+        """The transition of robot `i`, from its output to what is seen next, or to the end."""
         output, state, following = self._outputs[i], self.tick.states[i], None
         if not self.tick.ended[i]:
             unknown = np.full(output.mu.shape, np.nan)

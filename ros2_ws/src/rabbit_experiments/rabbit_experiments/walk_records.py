@@ -119,7 +119,7 @@ class WalkRecords:
 
     @property
     def barrier_names(self) -> list[str]:
-        """Of `barriers`; those of the stones, where the file does not say."""
+        """The names of `barriers`; those of the stones, where the file does not say."""
         return self.about.get("barriers", [*STONE_BARRIERS])
 
     @property

@@ -110,7 +110,7 @@ def _task_controller(episode: RecordedEpisode, task: ControlTask) -> tuple[TaskC
 
 
 def policy_bytes(swap: RecordedSwap) -> bytes:
-    """Of its file, empty for the built-in zero policy; raises `ValueError` where the recording has it not."""
+    """The bytes of a policy's file, none for the zero policy; raises `ValueError` where they are not recorded."""
     if swap.data is None:
         raise ValueError(f"policy {swap.version} is not in it")
     return swap.data

@@ -101,7 +101,7 @@ class Gathered:
             self.announced = message.decode()
 
     def preview(self, index: int, now: int) -> StonePreview | None:
-        """Of the stone that is first seen at a time (ns): the one announced then, or else the newest before, or any."""
+        """The preview of the stone first seen at a time (ns): announced then, else the newest before, else any."""
         previews = self.previews.get(index, {})
         return newest_preview(previews, now) or next(iter(previews.values()), None)
 
@@ -115,8 +115,8 @@ class Gathered:
         return ticks
 
     def _true_one(self, topic: str, claims: list[StoredMessage]) -> StoredMessage | None:
-        """Of what claims to be one message, that of the simulator which announced the episode, or of the controller
-        whose torques acted; None: it is only another's."""
+        """The claim of the simulator that announced the episode, or of the controller whose torques acted; None: of
+        neither."""
         said, is_state = self.announced, topic in ("state", "parameters")
         if said is None or (len(claims) == 1 and (is_state or not said.refused_controller)):
             return claims[0]

@@ -56,7 +56,7 @@ class SimulatedTime:
         self._may_go_back = False  # a first word has come since the newest state
 
     def of(self, topic: str, publisher: str, data: bytes) -> int:
-        """Of a message of a `publisher` (simulator, controller, trainer, all), ns.
+        """The time of a message of a `publisher` (simulator, controller, trainer, all), ns.
 
         Raises:
             RecordingError: the simulator was started again.

@@ -78,7 +78,7 @@ def write_ride(ride: Ride, path: Path, policy: ActorPolicy | None = None) -> Non
 
 
 def empty(form: Any) -> Any:
-    """Of a field that nobody gives: 0, or an empty sequence."""
+    """The value of a field that nobody gives: 0, or an empty sequence."""
     node, detail = form
     if node.name == "BASE":
         return ZERO[detail[0]]

@@ -113,7 +113,7 @@ class BatchSimulation:
         return states
 
     def _walk(self, torques: Array) -> None:
-        """Of this tick: q and dq after each substep, `_path`, and what the feet's sensors say, `_sensed`."""
+        """Walks this tick: `_path` has q and dq after each substep, `_sensed` what the feet's sensors say."""
         driven, pushes = self._actuation.advance(torques), np.zeros((len(torques), self._substeps))
         for i in self._pushed:
             simulation = self._simulation_of(i)
@@ -163,7 +163,7 @@ class BatchSimulation:
         return ~is_sound | was_airborne | self._is_airborne
 
     def _simulation_of(self, i: int) -> Simulation:
-        """Of robot `i`, told how many ticks have been walked."""
+        """The simulation of robot `i`, told how many ticks have been walked."""
         simulation = self.simulations[i]
         simulation._tick = int(self.states.tick[i]) - 1
         return simulation

@@ -174,4 +174,4 @@ class EnginePlant(Plant, ABC):
 
     @abstractmethod
     def _contact_forces(self) -> Forces:
-        """Of the last substep."""
+        """The contact forces of the last substep."""

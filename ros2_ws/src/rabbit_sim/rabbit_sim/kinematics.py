@@ -20,7 +20,7 @@ Point = tuple[float, float]  # x, z; m
 
 
 class LegShape(NamedTuple):
-    """Of thigh and shin the lengths, m, and by which share of it the lower end is ahead; r, m."""
+    """The lengths of thigh and shin, m, and by which share of it the lower end is ahead; r, m."""
 
     thigh: float = LINK_LENGTH
     thigh_bend: float = 0.0
@@ -30,7 +30,7 @@ class LegShape(NamedTuple):
 
     @classmethod
     def of(cls, bend: float = 0.0, stretch: float = 1.0, roll: float = 0.0) -> "LegShape":
-        """Of links bent by `bend` and `stretch` times as long, and r."""
+        """The shape of links bent by `bend` and `stretch` times as long, and r."""
         length = LINK_LENGTH * stretch
         shin = length - roll
         return cls(length, bend, shin, bend * length / shin if roll else bend, roll)

@@ -104,7 +104,7 @@ class SimulationParameters(Perturbed, Episode):
 
     @property
     def substeps(self) -> int:
-        """Of a tick."""
+        """The substeps of a tick."""
         return round(self.tick_seconds / SUBSTEP_SECONDS)
 
     @property

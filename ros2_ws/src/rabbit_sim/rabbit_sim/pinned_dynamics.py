@@ -25,7 +25,7 @@ BASE_JOINT = BASE  # pinocchio's number of the base's pitch
 
 
 class PinnedDynamics:
-    """Of the robot that `urdf` describes, its feet where `feet` says.
+    """The dynamics of the robot that `urdf` describes, its feet where `feet` says.
 
     `beside`: torques (n - 3,), N m, of q and dq (n,), that act beside the motors' in each joint, such as damping.
     `slope`: rise of the ground, in whose frame all is, degrees. `weight` (2,): what the ground carries at rest, N.

@@ -20,7 +20,7 @@ def perturbed_urdf(parameters: SimulationParameters) -> str:
 
 
 def leg_shape(parameters: SimulationParameters) -> LegShape:
-    """Of the same robot."""
+    """The shape of the same robot's legs."""
     return LegShape.of(parameters.link_bend, parameters.leg_stretch, parameters.sole_radius - FOOT_RADIUS)
 
 
@@ -35,6 +35,6 @@ def with_attached(urdf: str, parameters: SimulationParameters) -> str:
 
 @lru_cache(maxsize=4096)  # a batch has many robots, and asks in each tick of a flight
 def true_mass(parameters: SimulationParameters) -> float:
-    """Of the robot with all that it carries, kg."""
+    """The mass of the robot with all that it carries, kg."""
     robot = ElementTree.fromstring(with_attached(perturbed_urdf(parameters), parameters))
     return sum(float(mass.attrib["value"]) for mass in robot.iterfind("link/inertial/mass"))

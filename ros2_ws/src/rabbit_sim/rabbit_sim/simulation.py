@@ -93,7 +93,7 @@ class Simulation:
 
     @property
     def tick_seconds(self) -> float:
-        """Of a tick."""
+        """The length of a tick."""
         return self.parameters.tick_seconds
 
     @property

@@ -60,13 +60,13 @@ class Ground:
         return any(span.near - FOOT_RADIUS <= x <= span.far + FOOT_RADIUS for span in self._spans)
 
     def top(self, x: float) -> float:
-        """Of the stone under or nearest to `x`; of several the highest; 0 without stones."""
+        """The top of the stone under or nearest to `x`; of several the highest; 0 without stones."""
         if not self._spans:
             return 0.0
         return -min((max(span.near - x, x - span.far, 0.0), -span.top) for span in self._spans)[1]
 
     def below(self, x: float) -> float:
-        """Of the line over all tops at `x`: along a stone its top, over a gap straight from one edge to the other."""
+        """The height at `x` of the line over all tops: along a stone its top, over a gap straight from edge to edge."""
         behind, ahead = self._beside(x)
         on_stone = any(span.near <= x <= span.far for span in self._spans)
         if on_stone or behind is None or ahead is None:

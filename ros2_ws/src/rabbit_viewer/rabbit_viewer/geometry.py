@@ -27,7 +27,7 @@ STRAIGHT: Links = 0.0, 1.0
 
 
 def links_of(about: Mapping[str, Any]) -> Links:
-    """Of the robot that these parameters are about."""
+    """The links of the robot that these parameters are about."""
     return float(about.get("link_bend", 0.0)), float(about.get("leg_stretch", 1.0))
 
 

@@ -80,7 +80,7 @@ def write_rerun(
 
 
 def scenes(walk: WalkRecords) -> Iterator[dict[str, list[Array]]]:
-    """Of each tick lines (k, 2) by name, x from the hip and -z, m."""
+    """The lines (k, 2) of each tick by name, x from the hip and -z, m."""
     legs, torso = legs_of(walk), torso_points(walk.q)
     spans = stone_spans(walk, legs[:, :, 2].swapaxes(0, 1))
     for row, stance in enumerate(walk.stance):
@@ -102,7 +102,7 @@ def _corners(near: float, far: float) -> list[tuple[float, int]]:
 
 
 def explanation(source: Path, episode: int | None) -> str:
-    """Of the tick with the most slack of last resort, in words; why there is none, where it cannot be replayed."""
+    """The tick with the most slack of last resort, in words; why there is none, where it cannot be replayed."""
     bag = source / RECORDING if exists(source / RECORDING) else source
     if exists(bag / RECORDS):
         return "Only a recording can be explained, not the arrays of a run."

@@ -51,7 +51,7 @@ class StatePicture:
         return [Line(np.array(FRAME, dtype=float), "gray", 1), *self._curves(tuple(p)), Disc(at, 0.03, "tab:blue")]
 
     def _values(self, p: Sequence[float] | Array) -> list[Array]:
-        """Of the drawn barriers, over the box."""
+        """The values of the drawn barriers over the box."""
         grid = np.array(np.meshgrid(ALONG, ALONG)).reshape(2, -1)[: self._count]
         values = np.array(self._B(self._middle[:, None] + self._half[:, None] * grid, np.asarray(p)))
         return [row.reshape(len(ALONG), -1) for row in values]
@@ -63,5 +63,5 @@ class StatePicture:
 
 @lru_cache(maxsize=4)
 def state_picture(task: ControlTask) -> StatePicture:
-    """Of a task, made once."""
+    """The picture of a task, made once."""
     return StatePicture(task)

@@ -63,7 +63,7 @@ class BatchController:
 
     @property
     def parameters(self) -> "ControllerParameters":
-        """Of all robots."""
+        """The parameters of all robots."""
         return self._parameters
 
     @property
@@ -77,7 +77,7 @@ class BatchController:
         return self._one.functions.memory.values(self._rows.memory)
 
     def set_parameters(self, new: "ControllerParameters", gains: bool = False) -> None:
-        """Of all robots; where `gains` change, this tick's V cannot be compared with the last one's."""
+        """Sets them for all robots; where `gains` change, this tick's V cannot be compared with the last one's."""
         self._parameters = new
         if gains:
             self._rows.memory[:, self._path["last_tick"][0]] = NEVER
@@ -210,7 +210,7 @@ class BatchController:
                 row["stone"][i] = seen.index, seen.l_min, seen.l_max, seen.height
 
     def _keep(self, seen: Array, stood: Array, robots: list[int]) -> None:
-        """Of what is seen, what a second look at the same tick must know."""
+        """Keeps, of what is seen, what a second look at the same tick must know."""
         f = self._one.functions
         kept = seen[:, f.scene.places["kept"][0]]
         rows = {name: kept[:, f.kept.places[name][0]] for name in BEGUN}
@@ -281,7 +281,7 @@ class BatchController:
         return rows.finish()
 
     def _estimated(self, scene: BatchScene, learned: Estimates | None) -> tuple[list[Estimates], Estimates]:
-        """Of the policy, by default as it says, and of the identified robot; and in all."""
+        """The estimates of the policy, by default as it says, and of the identified robot; and their sum."""
         policy = self.policies[0]
         adapted, nothing = identified(self._one, self._seen), estimates_of(self._one, self._nothing)
         if policy.comes_last or (learned is None and isinstance(policy, ZeroPolicy)):
@@ -297,7 +297,7 @@ class BatchController:
         return parts, total
 
     def _asked(self, scene: BatchScene) -> Estimates:
-        """Of the policy of each robot; nothing, of a robot whose policy refuses its scene."""
+        """The estimates of each robot's policy; nothing where a policy refuses its scene."""
         nothing = self._one.qp.no_error()
         estimates = [nothing] * self._n
         for i, policy in enumerate(self.policies):

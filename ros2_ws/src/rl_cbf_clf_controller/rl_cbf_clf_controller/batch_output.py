@@ -72,7 +72,7 @@ class BatchOutput:
         self.faults = {} if is_sound else self._faults()
 
     def __getitem__(self, i: int) -> ControllerOutput:
-        """Of robot `i`."""
+        """The output of robot `i`."""
         one, row, total = self._one, self.report[i], self._total[i]
         at, parameters = one.output_places, one.parameters
         arrays = {name: row[place] for name, place in at.arrays.items()}
@@ -157,19 +157,19 @@ class BatchOutput:
 
 
 def estimates_of(one: ControllerParts, rows: Array) -> Estimates:
-    """Of rows as in `StepFunctions.estimates`."""
+    """The estimates in rows as in `StepFunctions.estimates`."""
     n, (_, m) = len(rows), one.output_places.shape
     alpha, beta, error = (rows[:, place] for place, _ in one.functions.estimates.places.values())
     return Estimates(alpha.reshape(n, -1, m), beta, error.reshape(n, m, m + 1))
 
 
 def identified(one: ControllerParts, report: Array) -> list[Estimates]:
-    """Of the identified robots, where there are such."""
+    """The estimates of the identified robots, where there are such."""
     return [estimates_of(one, report[:, one.places["adapted"]])] if one.functions.identifies else []
 
 
 def scene_of(one: ControllerParts, rows: Array, errors: dict[int, str]) -> BatchScene:
-    """Of rows that begin with those of a scene."""
+    """The scene in rows that begin with those of a scene."""
     part = {name: rows[:, place] for name, (place, _) in one.functions.scene.places.items()}
     index, seen = part["index"][:, 0].astype(int), one.functions.seen.values(part["seen"])
     touchdowns = part["touchdowns"][:, 0]

@@ -90,17 +90,17 @@ class OneRobot(ControllerParts):
 
     @property
     def decided(self) -> Decided:
-        """Of the last tick."""
+        """What the last tick decided."""
         return self._output.decided[0]
 
     @property
     def estimates(self) -> Estimates:
-        """Of the last tick, of all estimators."""
+        """The sum of all estimators' estimates in the last tick."""
         return self._output.estimates[0]
 
     @property
     def parts(self) -> list[Estimates]:
-        """Of the last tick, by estimator: the policy, the identified robot, the controller's adaptive law."""
+        """The last tick's estimates by estimator: the policy, the identified robot, the controller's adaptive law."""
         return [part[0] for part in self._output.parts]
 
     def output(self) -> ControllerOutput:
@@ -198,7 +198,7 @@ class Controller(OneRobot):
 
     @property
     def scene(self) -> Scene:
-        """Of the last tick."""
+        """The scene of the last tick."""
         return (self._seen or self._output.scene)[0]
 
 

@@ -116,7 +116,7 @@ def flat(estimates: Estimates) -> Array:
 
 
 def from_flat(values: Array, n: int, m: int) -> Estimates:
-    """Of n quantities over m inputs, from what `flat` gives; raises ValueError for another length."""
+    """The estimates of n quantities over m inputs, from what `flat` gives; raises ValueError for another length."""
     sizes = n * (m + 1), (n + m) * (m + 1)
     if values.shape not in ((sizes[0],), (sizes[1],)):
         raise ValueError(f"estimates: {values.shape} values; expected {sizes[0]}, or {sizes[1]} with an output error")

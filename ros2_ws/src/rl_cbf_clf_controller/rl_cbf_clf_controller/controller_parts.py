@@ -33,7 +33,7 @@ def nothing_further(walking: Walking) -> Sequence[Constrained]:
 
 
 class ControllerParts:
-    """Of any robot.
+    """The parts of a controller of any robot.
 
     Args:
         tick: the controller's QP.
@@ -58,7 +58,7 @@ class ControllerParts:
 
     @property
     def parameters(self) -> Any:
-        """Of them only some change, by their setter."""
+        """The parameters, of which only some change, by their setter."""
         return self._parameters
 
     def first_memory(self) -> Array:
@@ -80,7 +80,7 @@ class ControllerParts:
 def rabbit_parts(
     parameters: ControllerParameters, gait: Gaits, further: Further, urdf: str | None
 ) -> tuple[Tick, StepFunctions, Sequence[str], int]:
-    """Of RABBIT: the QP, its functions, the names of its barriers, how many observations there are."""
+    """RABBIT's parts: the QP, its functions, the names of its barriers, how many observations there are."""
     kind, walking, robot = find_kind(parameters.controller), Walking(), read_robot(urdf)
     added = further(walking)
     tick = make_tick(walking, parameters, added)

@@ -153,7 +153,7 @@ def doubt_after(doubt: ca.SX, square: ca.SX) -> ca.SX:
 
 
 def shares(doubts: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Of the base's and of the nominal robot in the one that is used, by the `doubts` (2,).
+    """The shares of the base's and of the nominal robot in the one that is used, by the `doubts` (2,).
 
     Where only the motors are wrong, the base's takes over; where the base's rows are not explained either, the nominal.
     """
@@ -187,7 +187,7 @@ def is_physical(theta: ca.SX) -> ca.SX:
 
 
 def prior_covariance(theta: Array) -> Array:
-    """Of x (15, 15) about the robot theta (12,)."""
+    """The covariance of x (15, 15) about the robot theta (12,)."""
     torso_mass, _, torso_moment, _ = theta[: len(INERTIAL)]
     height = torso_moment / torso_mass
     point_mass = np.zeros(len(theta))

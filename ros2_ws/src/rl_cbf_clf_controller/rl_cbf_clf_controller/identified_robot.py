@@ -123,7 +123,7 @@ def rate_error(errors: ca.SX, differences: ca.SX) -> ca.SX:
 
 
 def rate_variance(errors: ca.SX, differences: ca.SX) -> ca.SX:
-    """Of the rates' errors, (m/s)^2 and (rad/s)^2, as the identification takes it.
+    """The variance of the rates' errors, (m/s)^2 and (rad/s)^2, as the identification takes it.
 
     That without noise, of what a tick's mean leaves out, is in it. What is measured counts many times, because the
     regressors have the same noise: it pulls the masses towards none, however long the walk.

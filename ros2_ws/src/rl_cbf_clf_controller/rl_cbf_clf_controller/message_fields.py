@@ -33,7 +33,7 @@ FINITE = ("lgv", "nominal_a", "nominal_b", "alpha", "beta", "observation", "iden
 
 
 def state_fields(output: ControllerOutput) -> dict[str, Any]:
-    """Of `ControllerState`, but its head; texts that are too long for the message are cut."""
+    """The fields of `ControllerState`, but for its head; texts that are too long for the message are cut."""
     fields: dict[str, Any] = {name: getattr(output, name) for name in SCALARS}
     fields |= {name: getattr(output, name)[:most] for name, most in WORDS.items()}
     bounded = slice(int(np.isnan(output.V)), None)  # by the QP: V, if there is one, and barriers
@@ -46,7 +46,7 @@ def state_fields(output: ControllerOutput) -> dict[str, Any]:
 
 
 def terms_fields(output: ControllerOutput) -> dict[str, Any]:
-    """Of `LearnerTerms`, but its head."""
+    """The fields of `LearnerTerms`, but for its head."""
     fields: dict[str, Any] = {name: doubles(getattr(output, name)) for name in (*TERMS, *MATRICES, *VECTORS)}
     return {**fields, "lgv": doubles(output.LgV), "quantities": list(output.quantities)}
 

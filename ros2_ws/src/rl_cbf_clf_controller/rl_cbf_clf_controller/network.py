@@ -85,7 +85,7 @@ class Actor:
         return self._rows().reshape(*many, self.outputs).copy()
 
     def in_numpy(self, y: NDArray[Any]) -> NDArray[Any]:
-        """Of one observation, before tanh."""
+        """The outputs for one observation, before tanh."""
         at = bias_at = 0
         for layer, (inputs, outputs) in enumerate(zip(self.sizes[:-1], self.sizes[1:], strict=True)):
             if layer:

@@ -294,7 +294,7 @@ class PlanarWalker:
 
     @cached_property
     def _points(self) -> NumpyFunction:
-        """Of a picture, from the stance foot, m: `hip`, `top` of the torso, and from foot to hip each leg, columns."""
+        """A picture's points from the stance foot, m: `hip`, `top` of the torso; each leg from foot to hip, columns."""
         robot, (x, z) = self.robot, 2 * self.numbers.links[0, 1:3] / self.numbers.links[0, 0]
         points = {"hip": robot.hip, "top": robot.hip + rotated(ca.SX([x, z]), robot.q[SLIDES])}
         for name, foot, link in zip(("stance", "swing"), robot.feet, robot.structure.feet, strict=True):

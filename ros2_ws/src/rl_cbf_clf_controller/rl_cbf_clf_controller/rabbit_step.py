@@ -114,7 +114,7 @@ def tune_function() -> NumpyFunction:
 
 
 class RabbitStep(StepFunctions):
-    """Of one controller of RABBIT; `gaits`: the numbers of a gait or library."""
+    """The step of one controller of RABBIT; `gaits`: the numbers of a gait or library."""
 
     def __init__(
         self, walking: Walking, tick: Tick, parameters: ControllerParameters, robot: RobotNumbers, gaits: Gaits

@@ -56,7 +56,7 @@ def rows_of_force(w: Walking, p: Parameters) -> Callable[[Affine], list[Rows]]:
 
 
 def res_clf(w: Walking, p: Parameters) -> ResClf:
-    """Of the outputs, where no quantity of the controller brings one."""
+    """The RES-CLF of the outputs, where no quantity of the controller brings one."""
     return ResClf(w.outputs.y.numel(), w.gains["eps"], (p.kp, p.kd))
 
 

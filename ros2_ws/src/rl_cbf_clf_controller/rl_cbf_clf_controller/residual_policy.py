@@ -32,7 +32,7 @@ NEVER = -2  # no tick
 
 @dataclass
 class Memory:
-    """Of N robots between two ticks: `frame`, the outputs' rates dy, what the policy said, and in which tick."""
+    """N robots' memory between two ticks: `frame`, the outputs' rates dy, what the policy said, and in which tick."""
 
     frame: Array
     dy: Array

@@ -71,7 +71,7 @@ class Feet:
 
 
 def read_robot(urdf: str | None = None, feet: tuple[str, str] = ("left_foot", "right_foot")) -> RobotNumbers:
-    """Of a URDF, RABBIT's if none is given; `feet` are the links of the stance and of the swing foot.
+    """The numbers of a URDF, RABBIT's if none is given; `feet` are the links of the stance and of the swing foot.
 
     Raises:
         ValueError: a robot that is not planar, has no such feet, or a link without mass where a joint moves it.

@@ -38,7 +38,7 @@ class Scene:
     model_error: NumpyFunction
 
     def __getitem__(self, i: int) -> "Scene":
-        """Of robot `i` of N."""
+        """The scene of robot `i` of N."""
         arrays = self.x[i], self.seen[i], self.force[i], self.observation[i], int(self.tick[i]), self.torque[i]
         of_step = Leg(int(self.stance[i])), int(self.step_index[i]), float(self.step_time[i])
         return Scene(*arrays, *of_step, self.model_error)

@@ -77,7 +77,7 @@ def clipped(value: ca.SX, least: ca.SX | float, most: ca.SX | float) -> ca.SX:
 
 
 def median(values: ca.SX) -> ca.SX:
-    """Of those `values` (n,) that are not NaN: at least one."""
+    """The median of those `values` (n,) that are not NaN: at least one."""
     n = values.numel()
     known = [ca.fabs(value) <= ca.inf for value in ca.vertsplit(values)]
     ordered = [ca.if_else(is_known, value, ca.inf) for is_known, value in zip(known, ca.vertsplit(values), strict=True)]

@@ -107,7 +107,7 @@ class StepFunctions:
         self._columns = [getattr(self, name).parts(row) for name, row in self._rows.items()]
 
     def compose(self, swapped: Any) -> None:
-        """Of `stand` and `see` the other functions; `swapped`: the order of inputs for the other leg."""
+        """Composes the other functions of `stand` and `see`; `swapped`: the order of inputs for the other leg."""
         self.data, self.finish, self.decide = self._decide(swapped)
         self.look, self.step = self._step()
 

@@ -70,7 +70,7 @@ class PathExpressions:
 
 @dataclass(frozen=True)
 class Shape:
-    """Of a gait or a library: it has so many step `lengths` and `slopes`, and control `points` over the phase."""
+    """The shape of a gait or a library: its step `lengths` and `slopes`, and control `points` over the phase."""
 
     lengths: int
     slopes: int
@@ -78,7 +78,7 @@ class Shape:
 
     @classmethod
     def of(cls, gaits: Gaits) -> "Shape":
-        """Of this one."""
+        """The shape of these gaits."""
         library = as_library(gaits)
         return cls(len(library.lengths), len(library.slopes), library.gaits[0].coeffs.shape[1])
 
@@ -121,7 +121,7 @@ class GaitExpressions:
         return PathExpressions(ca.horzcat(begins[:, :half], ends[:, half:]), first[-3], last[-2])
 
     def start_rate(self, length: ca.SX, slope: ca.SX) -> ca.SX:
-        """Of the phase angle after the impact of that periodic step, rad/s."""
+        """The rate of the phase angle after the impact of that periodic step, rad/s."""
         return self._at(length, slope)[-1]
 
     def speed(self, length: ca.SX) -> ca.SX:
@@ -153,7 +153,7 @@ def gait_row(gaits: Gaits) -> Array:
 
 
 def shares(places: ca.SX, value: ca.SX) -> ca.SX:
-    """Of what lies at increasing `places` (n,), at `value`: linear between two of them, beyond an end the end's."""
+    """The shares, at `value`, of what lies at increasing `places` (n,): linear between two, beyond an end the end's."""
     if places.numel() == 1:
         return ca.SX(1)
     passed = clipped((value - places[:-1]) / (places[1:] - places[:-1]), 0, 1)

@@ -8,7 +8,7 @@ from rl_cbf_clf_controller.step import StepFunctions
 
 
 class StepRows:
-    """Of `n` robots. One object serves one thread."""
+    """The rows of `n` robots. One object serves one thread."""
 
     def __init__(self, f: StepFunctions, first: Array, n: int) -> None:
         self.memory, self.reading = np.tile(first, (n, 1)), np.zeros((n, f.reading.size))

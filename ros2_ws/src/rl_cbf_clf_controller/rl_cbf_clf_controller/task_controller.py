@@ -42,7 +42,7 @@ class TaskOracle(Policy):
         self._places = places_of(controller.task.system.named)
 
     def values_of_many(self, x: Array, p: Array) -> Values:
-        """Of N states x (N, n) and the model's parameters p (N, k) there: rows of estimates."""
+        """The estimates, in rows, at N states x (N, n) and the model's parameters p (N, k) there."""
         true = p.copy()
         for name, value in self._true.items():
             true[:, self._places[name][0]] = value
@@ -60,7 +60,7 @@ class Noise:
         self._rng, self._ticks, self._m, self._drawn = task.beginning(seed)[2], task.ticks, m, 0
 
     def at(self, tick: int) -> Array:
-        """Of a tick, (m,)."""
+        """The noise of a tick, (m,)."""
         for _ in range(self._drawn, min(tick, self._ticks)):
             self._rng.standard_normal(self._m)
         self._drawn = max(self._drawn, min(tick, self._ticks)) + 1
@@ -156,7 +156,7 @@ class TaskController(OneRobot):
 
     @property
     def sigma(self) -> float:
-        """Of exploration."""
+        """The deviation of exploration."""
         return self._parameters.sigma
 
     @sigma.setter
@@ -166,7 +166,7 @@ class TaskController(OneRobot):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the controllers that are no policies."""
+        """The names of the controllers that are no policies."""
         return NOMINAL, ORACLE, *self.own
 
     def controlling(self, name: str) -> Controlling:
@@ -219,12 +219,12 @@ class TaskController(OneRobot):
 
     @property
     def decided(self) -> Decided | None:  # type: ignore[override]
-        """Of the last tick."""
+        """What the last tick decided."""
         return None if self._without_qp else super().decided
 
     @property
     def estimates(self) -> Estimates | None:  # type: ignore[override]
-        """Of the last tick."""
+        """The estimates of the last tick."""
         return None if self._without_qp else super().estimates
 
     def _decided_by(self, controller: Any, state: RobotState) -> ControllerOutput:

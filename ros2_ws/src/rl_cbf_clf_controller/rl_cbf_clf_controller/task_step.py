@@ -31,7 +31,7 @@ class TaskParameters:
 
 
 class TaskStep(StepFunctions):
-    """Of a task."""
+    """The step of a task."""
 
     gaits = np.zeros(1)
 

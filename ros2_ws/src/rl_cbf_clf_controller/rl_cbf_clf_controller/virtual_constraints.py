@@ -185,7 +185,7 @@ class VirtualConstraints:
         return orders.desired_0, orders.desired_1, orders.desired_2
 
     def phase(self, q_s: Array) -> float:
-        """Of the step, at `q_s` (n,)."""
+        """The phase of the step, at `q_s` (n,)."""
         return float(self._phase(q_s, self.scale).phase[0])
 
     def evaluate(self, q_s: Array, dq_s: Array) -> Outputs:

@@ -109,7 +109,7 @@ class PolicyMetadata(Checked):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the n quantities."""
+        """The names of the n quantities."""
         return self.quantities or PAPERS[self.problem].quantities
 
     @property
@@ -254,7 +254,7 @@ def shipped_policies() -> list[str]:
 
 
 def layer_shapes(*units: int) -> dict[str, tuple[int, ...]]:
-    """Of the weights and biases of a network with so many `units` in each layer, inputs first."""
+    """The shapes of the weights and biases of a network with so many `units` in each layer, inputs first."""
     shapes: dict[str, tuple[int, ...]] = {}
     for i, (before, after) in enumerate(itertools.pairwise(units)):
         shapes |= {f"{i}.weight": (after, before), f"{i}.bias": (after,)}

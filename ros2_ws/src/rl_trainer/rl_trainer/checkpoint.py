@@ -172,5 +172,5 @@ def transitions_of(data: bytes, parameters: TrainingParameters) -> tuple[list[Tr
 
 
 def checksum(text: bytes, key: str) -> bytes:
-    """Of the text and of the training that it belongs to, by its key."""
+    """The checksum of the text and of the training that it belongs to, by its key."""
     return b"%08x" % zlib.crc32(text, zlib.crc32(key.encode()))

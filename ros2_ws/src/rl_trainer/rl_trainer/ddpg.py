@@ -50,7 +50,7 @@ class RewardCritic(nn.Module):
         self.network = hidden_layers(len(parameters.observation) + m, parameters, self.outputs(m))
 
     def outputs(self, m: int) -> int:
-        """Of the network, for m inputs."""
+        """The number of the network's outputs, for m inputs."""
         return self.n
 
     def see(self, batch: Batch) -> Seen:
@@ -64,7 +64,7 @@ class RewardCritic(nn.Module):
         return self.reward(corrected / batch.unit - t)
 
     def reward(self, error: Tensor) -> Tensor:
-        """Of a scaled error (b, n)."""
+        """The reward of a scaled error (b, n)."""
         return -(error * error)
 
     def target(self, batch: Batch, seen: Seen, x: Tensor) -> Tensor:

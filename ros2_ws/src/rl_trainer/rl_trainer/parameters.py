@@ -99,7 +99,7 @@ class TrainingParameters(Checked):
 
     @property
     def key(self) -> str:
-        """Of what decides a training; the number of its episodes does not."""
+        """A key of all that decides a training; the number of its episodes does not."""
         return self.model_dump_json(exclude={"episodes"})
 
     @property

@@ -35,7 +35,7 @@ class Ride:
 
     @property
     def title(self) -> str:
-        """Of its pictures."""
+        """The title of its pictures."""
         return f"{self.task.name}, {self.controller}, seed {self.seed}: {self.outcome}"
 
     @property
@@ -45,14 +45,14 @@ class Ride:
 
     @property
     def barriers(self) -> Array:
-        """Of each state, that after the last tick too, a row of the values of B, each in its unit."""
+        """A row of B's values for each state, that after the last tick too, each in its unit."""
         last = self.last
         after = [] if last is None else [self.task.tick.look(x_of(self.task, last), p_of(last)).barriers]
         return np.array([*(moment.output.barriers for moment in self.moments), *after])
 
     @property
     def margins(self) -> Array:
-        """Of each barrier over the ride; -inf after a failure."""
+        """The margin of each barrier over the ride; -inf after a failure."""
         if self.outcome != "done":
             return np.full(len(self.task.barriers), -np.inf)
         return self.barriers.min(axis=0)

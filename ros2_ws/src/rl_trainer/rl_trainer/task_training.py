@@ -78,7 +78,7 @@ def _greatest(estimates: Estimates, has_clf: bool) -> tuple[Array, Array]:
 
 
 def _error(transition: Transition, has_clf: bool) -> Array:
-    """Of each quantity; of V over |LgV| + 1, as the reward has it."""
+    """The error of each quantity; that of V over |LgV| + 1, as the reward has it."""
     error: Array = np.array(transition.error)
     if has_clf:
         error[0] /= np.linalg.norm(transition.LgV) + 1
@@ -111,7 +111,7 @@ def train(
 
 
 def training_parameters(task: ControlTask, seed: int, **changes: Any) -> TrainingParameters:
-    """Of a training of the task, in units that are measured now."""
+    """The parameters of a training of the task, in units that are measured now."""
     problem = measured_problem(task, seed)
     of_mu = {"sigma": problem.mu_unit, "probe_noise": problem.mu_unit}
     usual = {"learner": "regression", **SLOW, **SCHEDULE, **of_mu}

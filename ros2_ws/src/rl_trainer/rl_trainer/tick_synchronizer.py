@@ -111,7 +111,7 @@ class TickSynchronizer:
 
     @property
     def is_held_up(self) -> bool:
-        """Of the oldest open episode ticks have not come, though it is over, or a later one was announced."""
+        """Whether ticks of the oldest open episode have not come, though it is over, or a later one was announced."""
         first = min(self._open, default=None)
         return first is not None and (self._open[first].last is not None or first < self.announced)
 

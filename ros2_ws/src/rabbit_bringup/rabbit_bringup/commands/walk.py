@@ -60,7 +60,7 @@ def prepare(given: Given) -> WalkSettings:
 
 
 def walk_of_task(options: WalkOptions, given: Given) -> WalkSettings:
-    """Of a control task, which brings plant and controllers."""
+    """The walk of a control task, which brings plant and controllers."""
     from rabbit_description.task import TaskError
     from rabbit_description.task_source import load_task
     from rl_cbf_clf_controller.task_controller import NOMINAL, TaskController

@@ -50,7 +50,7 @@ def set_time(at: Header, ticks: int, tick_seconds: float = TICK_SECONDS) -> None
 
 
 def nanoseconds(time: Time) -> int:
-    """Of a stamp."""
+    """The nanoseconds of a stamp."""
     return int(time.sec) * 1_000_000_000 + int(time.nanosec)
 
 

@@ -37,7 +37,7 @@ class RobotFrames:
         return self.are_read and self._node.count_publishers("tf") == 1
 
     def publish(self, state: RobotState) -> None:
-        """Of a tick."""
+        """Publishes the frames of a tick."""
         self._tf.publish(serialize_message(transforms(state)))
 
 

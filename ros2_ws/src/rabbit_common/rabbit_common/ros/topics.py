@@ -43,7 +43,7 @@ class Topic:
 
     @property
     def type_name(self) -> str:
-        """Of its type."""
+        """The name of its type."""
         return type_name(self.type)
 
 

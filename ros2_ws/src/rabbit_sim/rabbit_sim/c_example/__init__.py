@@ -75,7 +75,7 @@ def write_example(folder: Path, simulation: Simulation, seed: int) -> None:
 def errors_of_sensors(
     simulation: Simulation, first: BodySensors, ticks: int
 ) -> tuple[dict[str, float], dict[str, Array]]:
-    """Of a lab's sensors in an episode that has begun: numbers, and tables, among them the noise of each tick."""
+    """The errors of a lab's sensors in an episode that has begun: numbers, and tables, among them each tick's noise."""
     p, memory = simulation.parameters, simulation.memory_of(Laboratory)
     assert memory
     numbers = {"ENCODER_STEP": p.encoder_resolution or ENCODER_STEP, "GYRO_NOISE": p.gyro_noise}

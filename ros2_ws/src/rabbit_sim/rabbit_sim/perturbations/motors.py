@@ -149,7 +149,7 @@ class SecondOrderMotors(Perturbation):
 
     @cached_property
     def _steps(self) -> tuple[Array, Array]:
-        """Of N robots: (tau, tau') at a substep's end from those at its start (N, 2, 2), and from u (N, 2, 1)."""
+        """N robots' (tau, tau') at a substep's end, from those at its start (N, 2, 2) and from u (N, 2, 1)."""
         steps = map(of_motor, np.ravel(self.motor_frequency), np.ravel(self.motor_damping))
         from_state, from_drive = map(np.array, zip(*steps, strict=True))
         return from_state, from_drive

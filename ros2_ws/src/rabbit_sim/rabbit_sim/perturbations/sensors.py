@@ -25,7 +25,7 @@ KEPT = 12  # states before a tick, a substep apart: as many as the longest delay
 
 
 class Noise(Perturbation):
-    """Of encoders on pitch and the four joints, and of foot force sensors.
+    """Noise of the encoders on pitch and the four joints, and of the foot force sensors.
 
     The base's position and velocity stay exact. Of a lab's sensors, those of the feet alone have it.
     """

@@ -92,7 +92,7 @@ class Publishers:
 
 
 class TaskPublishers(Publishers):
-    """Of a control task: with each state what it is commanded, and its joints."""
+    """The publishers of a control task: with each state what it is commanded, and its joints."""
 
     def __init__(self, node: Node, task: ControlTask, sender: str) -> None:
         super().__init__(node, sender)

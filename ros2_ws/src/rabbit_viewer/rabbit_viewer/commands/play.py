@@ -22,7 +22,7 @@ app = typer.Typer(add_completion=False)
 
 
 class PlayOptions(Checked):
-    """Of `rabbit play`."""
+    """The options of `rabbit play`."""
 
     port: int = Field(PORT, ge=0, le=65535, description="port of the page, on this machine alone; 0: any free one")
     browser: bool = Field(True, description="open the page in a browser")

@@ -14,7 +14,7 @@ app = typer.Typer(add_completion=False)
 
 
 class ViewOptions(ViewerParameters):
-    """Of `rabbit view`."""
+    """The options of `rabbit view`."""
 
     browser: bool = Field(True, description="open the page in a browser")
     namespace: str = Field("", pattern=NAMESPACE, description="namespace of the graph")

@@ -72,7 +72,7 @@ def page_with(broadcast: Broadcast) -> str:
 
 
 def text(name: str) -> str:
-    """Of a file of the page."""
+    """The text of a file of the page."""
     return contents()[name][1].decode()
 
 

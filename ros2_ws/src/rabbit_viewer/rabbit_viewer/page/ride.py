@@ -40,7 +40,7 @@ class RideRows:
         self.columns = [*COMMON, "V", *self._barriers, *self._inputs, *self._states, *of_rows, *shapes]
 
     def about(self, name: str, title: str, has_qp: bool) -> dict[str, Any]:
-        """Of one controller's rides."""
+        """What the page is told of one controller's rides."""
         known = {"name": name, "title": title, "columns": self.columns, "quantities": [], "barriers": self._barriers}
         note = {} if self.task.draw else {"note": state_picture(self.task).note}
         return {**known, **note, "panels": self.panels(has_qp), "shapes": self._most}
@@ -64,7 +64,7 @@ class RideRows:
         return bool(self._places[i][0] >= len(self.task.tick.layout.names) - self.task.tick.limits)
 
     def row(self, tick: int, moment: Moment, running: bool = True) -> list[float]:
-        """Of a moment."""
+        """The row of a moment."""
         output, events = moment.output, EVENTS["saturated"] * moment.output.saturated
         numbers = [float(tick), float(running), float(events), float(moment.state.touchdowns), output.V]
         numbers += [*output.barriers.tolist(), *output.torque.tolist()]

@@ -69,7 +69,7 @@ class RowMaker:
 
     @np.errstate(all="ignore")
     def row(self, state: Any, output: Any, events: int = 0, true: Array | None = None) -> list[float]:
-        """Of a tick; `state` and `output` have the fields of `RobotState` and `ControllerOutput`.
+        """The row of a tick; `state` and `output` have the fields of `RobotState` and `ControllerOutput`.
 
         What is too large to compute with is infinite or NaN. `true`: the errors (n,) of the nominal quantities at this
         tick, by the plant's model. `estimated_*`, `measured_*` and `true_*` are the errors over the tick before.

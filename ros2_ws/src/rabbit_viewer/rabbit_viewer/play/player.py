@@ -25,7 +25,7 @@ from rabbit_viewer.play.walker import Walker
 
 
 class Player(playing.Playing):
-    """Of a walk, see `Playing`."""
+    """Plays a walk, see `Playing`."""
 
     unusable = (GaitError, CourseError, PolicyFileError, AssemblyError)
     model = PlaySettings

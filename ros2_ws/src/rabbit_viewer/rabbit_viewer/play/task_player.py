@@ -76,13 +76,13 @@ def settings_of(task: ControlTask, start: Start) -> type[Checked]:
 
 
 def step(*values: float) -> float:
-    """Of a slider for such values: a power of ten."""
+    """The step of a slider for such values: a power of ten."""
     most = max(abs(value) for value in values) or 1.0
     return float(f"{10.0 ** math.floor(math.log10(most / 20)):.0e}")
 
 
 def bounds(true: float, believed: float) -> tuple[float, float]:
-    """Of the plant's parameter: of one sign, if both are; a positive one stays positive."""
+    """The bounds of the plant's parameter: of one sign, if both are; a positive one stays positive."""
     by, most, least = step(true, believed), 2.5 * max(abs(true), abs(believed), 0.4), min(true, believed)
     low = max(0.25 * least, by) if least > 0 else 0.0 if least == 0 else -most
     return math.floor(low / by + 1e-9) * by, math.ceil(most / by) * by
@@ -155,7 +155,7 @@ class PlayedRide:
 
 
 class TaskPlayer(playing.Playing):
-    """Of a task, see `Playing`."""
+    """Plays a task, see `Playing`."""
 
     unusable = (TaskError,)
 

@@ -46,11 +46,11 @@ class Answerer(ABC):
         """What acts: of a user's code any error may be raised."""
 
     def state_fields(self) -> dict[str, Any]:
-        """Of `ControllerState`."""
+        """The fields of `ControllerState`."""
         return state_fields(self.controller.output())
 
     def terms_fields(self) -> dict[str, Any] | None:
-        """Of `LearnerTerms`; None: there is nothing to learn from."""
+        """The fields of `LearnerTerms`; None: there is nothing to learn from."""
         output = self.controller.output()
         return terms_fields(output) if output.quantities else None
 

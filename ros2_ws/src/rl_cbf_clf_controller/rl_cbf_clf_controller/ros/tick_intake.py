@@ -111,7 +111,7 @@ class TickIntake:
         return state
 
     def _preview(self, message: StateMessage) -> StonePreview | None:
-        """Of the stone that this tick steps to."""
+        """The preview of the stone that this tick steps to."""
         stone, now = message.touchdowns + 1, nanoseconds(message.header.stamp)
         return self._previews.get(message.episode, stone, self._since, now)
 
