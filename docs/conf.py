@@ -81,7 +81,7 @@ class Reference(SphinxDirective):
     optional_arguments = 1
 
     def run(self) -> list[nodes.Node]:
-        """Its Markdown, parsed."""
+        """Parses its Markdown."""
         import reference_text
 
         name, *arguments = self.arguments

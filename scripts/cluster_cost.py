@@ -31,7 +31,7 @@ Plant = Literal["mujoco", "pybullet"]
 
 @dataclass(frozen=True)
 class Nothing(Job):
-    """Its number."""
+    """A job that does nothing but give its number."""
 
     number: int
     model = RootModel[int]

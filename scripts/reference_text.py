@@ -68,7 +68,7 @@ def commands() -> str:
 
 
 def one_command(name: str, command: Any, heading: str = "") -> str:
-    """Its help text and the table of what it takes."""
+    """A command's help text and the table of what it takes."""
     context = command.make_context(name, [], resilient_parsing=True)
     for each in command.params:
         each.hidden = False  # as in --help-all

@@ -39,7 +39,7 @@ LARGE, WHERE = "benchmark_mujoco", "studies/docs/tuning.md#half-twice-and-thrice
 
 
 def pages() -> dict[str, Page]:
-    """By name."""
+    """The pages by name."""
     return {
         "README.md": readme(),
         "docs/results.md": results(),

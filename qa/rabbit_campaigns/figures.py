@@ -14,14 +14,14 @@ ShowStatus = Callable[[str], object]  # in a line of the screen
 
 
 def write_figures(path: Path, figures: Mapping[str, Any]) -> None:
-    """As JSON, with command, commit and versions."""
+    """Writes them as JSON, with command, commit and versions."""
     about = {"command": provenance.command(), "commit": provenance.commit(), "versions": provenance.versions()}
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps({**figures, **about}, indent=2) + "\n", encoding="utf-8")
 
 
 def print_table(head: Sequence[str], rows: Iterable[Sequence[str]], title: str = "") -> None:
-    """On the screen; a row is a text for each column."""
+    """Prints a table on the screen; a row is a text for each column."""
     from rich.console import Console
     from rich.table import Table
 

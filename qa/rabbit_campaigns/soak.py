@@ -135,7 +135,7 @@ def windows(seconds: NDArray[np.float64]) -> tuple[NDArray[np.bool_], NDArray[np
 
 
 def _counted(seconds: NDArray[np.float64]) -> tuple[float, float]:
-    """From when to when, s."""
+    """When counting begins and ends, s."""
     end = float(seconds[-1])
     return min(WARM_UP, end / 3), end
 

@@ -57,7 +57,7 @@ class Method:
     tuned: Mapping[tuple[Map, Terrain], dict[str, Any]] = field(default_factory=dict, hash=False)
 
     def on(self, terrain: Terrain, where: Map | None = None) -> Contender | None:
-        """Its controller there."""
+        """The method's controller there."""
         contender = self.stones if terrain == "stones" else self.flat
         own = self.tuned.get((LIKE.get(where, where), terrain), {}) if where else {}
         return contender and _with(contender, own)

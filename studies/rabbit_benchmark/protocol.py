@@ -39,7 +39,7 @@ class Protocol:
 
     @property
     def seed(self) -> int:
-        """From which plants and courses are drawn; raises `ValueError` where `seeds` is no name and no number."""
+        """The seed of plants and courses; raises `ValueError` where `seeds` is no name and no number."""
         return SEEDS[self.seeds] if self.seeds in SEEDS else int(self.seeds)
 
     def walks(self, method: Method, cell: Cell) -> list[Walk]:

@@ -47,7 +47,7 @@ class Benchmark:
         cache: Cache,
         reference: str = REFERENCE,
     ) -> "Benchmark":
-        """With what `engine.run` kept."""
+        """Makes it of what `engine.run` kept."""
         results = {
             key: jobs if isinstance(jobs, str) else [cache.get(job) for job in jobs] for key, jobs in runs.items()
         }
@@ -195,7 +195,7 @@ def walked_more(table: Table, reference: str) -> str:
 
 
 def _points(pair: Paired) -> str:
-    """As in `+3.0 (-1.2 to +7.1)`."""
+    """A difference in points, as in `+3.0 (-1.2 to +7.1)`."""
     if not pair.courses:
         return ""
     difference, low, high = (100 * each for each in pair.difference)

@@ -62,7 +62,7 @@ class Table:
         return cls(read_rows(path, BenchmarkRow))
 
     def write(self, path: Path) -> None:
-        """To a file."""
+        """Writes it to a file."""
         write_rows(path, BenchmarkRow, self.rows.values())
 
     def walked(self, method: str, cells: Sequence[str]) -> int:
@@ -83,7 +83,7 @@ class Table:
         return paired([one for one, _ in walked], [two for _, two in walked])
 
     def walked_more(self, reference: str) -> dict[str, list[str]]:
-        """By cell, the methods that walk the most courses there, where the reference does not."""
+        """The methods, by cell, that walk the most courses there, where the reference does not."""
         found = {}
         for cell in self.cells:
             walked = {method: self.walked(method, [cell]) for method in self.methods if (method, cell) in self.rows}

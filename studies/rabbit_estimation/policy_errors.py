@@ -33,7 +33,7 @@ Errors = dict[str, float | None]
 
 
 class NoTicksError(ValueError):
-    """Not one tick late enough after an impact."""
+    """No tick is late enough after an impact."""
 
 
 def compare(assembly: Assembly, walker: str, seeds: Iterable[int]) -> dict[str, Any]:

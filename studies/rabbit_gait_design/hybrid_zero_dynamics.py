@@ -36,7 +36,7 @@ class Walker:
         return output_functions(self.angles)
 
     def along(self, path: StepPath) -> ZeroDynamics:
-        """Its zero dynamics."""
+        """The zero dynamics along a path."""
         return ZeroDynamics(path, self.model, self.angles, self.functions)
 
     def after_impact(self, q: Array, dq: Array) -> tuple[Array, Array]:

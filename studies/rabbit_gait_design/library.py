@@ -19,7 +19,7 @@ Place = tuple[int, int]  # of a gait in the library: which slope, which length
 def library_specifications(
     base: GaitSpecification, lengths: Sequence[float], speed_slope: float = 0.0, slopes: Sequence[float] = ()
 ) -> list[list[GaitSpecification]]:
-    """For each of `slopes`, degrees, a specification for each of `lengths`, m; `base` is that of its own.
+    """The specifications for each of `slopes`, degrees, and `lengths`, m; `base` is that of its own.
 
     Both increase; without `slopes` there is that of `base` alone. The speed changes by `speed_slope`, 1/s, with the
     length. The farthest stone is the gait's own, since a library steps at others with other gaits, and the foot may

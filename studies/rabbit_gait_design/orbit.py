@@ -33,7 +33,7 @@ class GaitFigures:
     closure_error: float
 
     def rounded(self, digits: int = 6) -> dict[str, float]:
-        """For the gait file."""
+        """The numbers for the gait file."""
         return {name: round(value, digits) for name, value in asdict(self).items()}
 
 

@@ -41,7 +41,7 @@ EPS = {"minimum": 0.02, "maximum": 0.1, "step": 0.005, "when": "now"}
 
 
 def controllers() -> dict[str, Controller]:
-    """Those of the page, by name."""
+    """The page's controllers, by name."""
     return {
         name: Assembly(PLANT, parameters, resolve_policy(policy, parameters)).make_controller()
         for name, (parameters, policy) in CONTROLLERS.items()
@@ -86,7 +86,7 @@ def controller(number: int, made: Controller) -> dict[str, Any]:
 
 
 def row(layout: Layout) -> dict[str, Any]:
-    """Its size, and where what lies in it."""
+    """The row's size, and where what lies in it."""
     return {"size": layout.size, "places": ends_of(layout.places)}
 
 

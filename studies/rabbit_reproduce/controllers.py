@@ -32,7 +32,7 @@ class Contender:
         return replace(self, policy=policy)
 
     def assembly(self, tuning: dict[str, Any] | None = None, /, **plant: Any) -> Assembly:
-        """On its own terrain, with the lag of evaluation and the controller's `tuning`; `plant`: the plant's.
+        """The controller on its own terrain, with evaluation's lag and its `tuning`; `plant`: the plant's.
 
         Raises:
             AssemblyError: no policy is shipped for it.

@@ -58,7 +58,7 @@ class Experiment(ABC):
         return {}
 
     def compared(self) -> Iterable[Line]:
-        """Those whose plants the nominal controller at its best walks as well."""
+        """The lines whose plants the nominal controller at its best walks as well."""
         return self.by_key.values()
 
     @cached_property
@@ -70,11 +70,11 @@ class Experiment(ABC):
         return lines
 
     def at_best(self, found: Found, line: Line) -> Walks:
-        """Its runs where `line` walks."""
+        """That controller's runs where `line` walks."""
         return found.walks(self.tuned[_place(line)])
 
     def lines(self) -> Sequence[Line]:
-        """In the order of the table."""
+        """The lines in the order of the table."""
         return [*self.by_key.values(), *self.tuned.values()]
 
     def walks(self, found: Found) -> dict[Any, Walks]:
@@ -104,7 +104,7 @@ class Experiment(ABC):
         return Claim(**told, ours=ours, verdict=verdict, tuned=text, undone=undone)
 
     def figures(self, found: Found) -> dict[str, Figure]:
-        """By name."""
+        """The figures by name."""
         return {}
 
     def jobs(self, size: Size) -> list[SeededRun]:
@@ -122,14 +122,14 @@ class Experiment(ABC):
         return (runs_table(self.lines(), found),)
 
     def _claims(self, found: Found) -> list[Claim]:
-        """With the verdicts on the rigid plant."""
+        """The claims with the verdicts on the rigid plant."""
         is_beside = self.judged_on_rigid and found.size.columns([RIGID])
         beside = self.claims(found.on_rigid) if is_beside else []
         verdicts = {claim.claim: claim.verdict for claim in beside}
         return [claim.model_copy(update={"on_rigid": verdicts.get(claim.claim)}) for claim in self.claims(found)]
 
     def report(self, found: Found) -> Report:
-        """From results that are all there; raises `LookupError` where one is not."""
+        """The report from results that are all there; raises `LookupError` where one is not."""
         size = found.size
         with style.look():
             figures = self.figures(found)
@@ -171,7 +171,7 @@ class Sweep(Experiment):
         return {value: found.walks(self.by_key[contender, value]) for value in self.values}
 
     def row_at_best(self, found: Found, contender: Contender) -> dict[float, Walks]:
-        """Those of the nominal controller at its best on the plants of another."""
+        """The runs of the nominal controller at its best on the plants of another."""
         return {value: self.at_best(found, self.by_key[contender, value]) for value in self.values}
 
     def figures(self, found: Found) -> dict[str, Figure]:

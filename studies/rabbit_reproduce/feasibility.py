@@ -120,7 +120,7 @@ def share(walks: Sequence[Sequence[Feasibility]], who: int, rows: RowSet) -> flo
 
 
 def share_text(walks: Sequence[Sequence[Feasibility]], who: int, rows: RowSet) -> str:
-    """With Student's 95% interval over the runs' own shares, where there are several."""
+    """The share with Student's 95% interval over the runs' own shares, where there are several."""
     by_run = np.array([getattr(run, rows)[who] / max(run.ticks, 1) for runs in walks for run in runs])
     interval = mean_interval(by_run, 0.0, 1.0)
     text = f"{share(walks, who, rows):.2%}"

@@ -75,7 +75,7 @@ class Size:
         return self.trained.own(assembly) if self.trained else assembly
 
     def columns(self, columns: Sequence["Column"]) -> list["Column"]:
-        """Those with runs, none there twice: `plant` is the main one."""
+        """The columns with runs, none there twice: `plant` is the main one."""
         beside = [each for each in columns if each.plant == "pybullet" or each.plant != self.plant]
         return [each for each in beside if self.beside or each is MAIN]
 
@@ -100,7 +100,7 @@ class Line:
     seed: int = SEED
 
     def scenario(self, size: Size, column: Column = MAIN) -> Scenario:
-        """Its runs on a plant."""
+        """The line's runs on a plant."""
         plant = self.assembly.simulation.model_copy(update={"plant": column.plant, "motor_lag": column.lag})
         assembly = size.own(replace(self.assembly, simulation=plant))
         own = self.runs or Runs(size.runs, size.runs)

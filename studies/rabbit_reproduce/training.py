@@ -99,7 +99,7 @@ class TrainingJob(Job):
 def training_job(
     parameters: TrainingParameters, mass_scale: float = TRAINING_SCALE, engine: str = "pybullet", **tuning: Any
 ) -> TrainingJob:
-    """With `tuning` of the controller, where it is not `ours`."""
+    """A training with `tuning` of the controller, where it is not `ours`."""
     always = {"controller": parameters.problem.name, "slack_weight": TRAINING_SLACK_WEIGHT}
     controller = load_parameters("ours", **tuning, **always)
     course = {"terrain": controller.terrain, "stones": parameters.walking_steps, "plant": engine}
@@ -129,7 +129,7 @@ class Episode(BaseModel):
 
 
 def recipe_of(problem: Problem, seed: int = SEEDS[0], mass_scale: float = TRAINING_SCALE) -> TrainingJob:
-    """As the shipped policies were trained."""
+    """The training by which the shipped policies were made."""
     return training_job(TrainingParameters(problem=problem, seed=seed), mass_scale)
 
 

@@ -124,7 +124,7 @@ def fit(x: Array, w: Array, z: Array, iterations: int = 100) -> Kernel:
 
 
 def kernel_of(logs: Array, inputs: int) -> Kernel:
-    """From the logarithms of signal (m + 1,), lengths (d,) and noise."""
+    """The kernel from the logarithms of signal (m + 1,), lengths (d,) and noise."""
     values = np.exp(logs)
     return Kernel(values[: inputs + 1], values[inputs + 1 : -1], float(values[-1]))
 

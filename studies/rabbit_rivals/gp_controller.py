@@ -98,7 +98,7 @@ class ConeSolver:
         self._controller = controller
 
     def reset(self) -> None:
-        """Nothing is kept."""
+        """Does nothing: nothing is kept."""
 
     def solve(self, data: Values) -> tuple[Array, Array, float, str]:
         """See `Solver`; an answer has no multipliers, so no KKT residual tells whether it counts."""
@@ -146,7 +146,7 @@ def combinations(quantities: tuple[str, ...], friction_coeff: float) -> dict[str
 
 
 def gp_policy(path: str, problem: Problem, confidence: float) -> GpPolicy:
-    """From a file.
+    """The policy of a file.
 
     Raises:
         PolicyFileError: it cannot be read, or was fitted for another problem.

@@ -63,7 +63,7 @@ class NetworkPolicy(Policy):
         self.version, self.act = file.version, Actor(file.arrays)
 
     def estimate(self, scene: Scene, before: Estimates) -> Estimates:
-        """None."""
+        """There are no estimates."""
         return Estimates.zero(*scene.seen.nominal_a.shape)
 
 
@@ -77,7 +77,7 @@ class Memory:
 
     @classmethod
     def of(cls, n: int) -> "Memory":
-        """Nothing remembered."""
+        """A memory that remembers nothing."""
         return cls(np.zeros((n, FRAMES, FEATURES)), np.zeros((n, ACTIONS)), np.full(n, NEVER))
 
 
@@ -165,5 +165,5 @@ def reference_alone() -> NetworkPolicy:
 
 
 def network_policy(path: str) -> NetworkPolicy:
-    """From a file; raises `PolicyFileError`."""
+    """The policy of a file; raises `PolicyFileError`."""
     return NetworkPolicy(read(Path(path), NetworkAbout))

@@ -73,7 +73,7 @@ class PpoPolicy(ActorCriticPolicy):
 
 
 class SacPolicy(SACPolicy):
-    """Its actor reads the first numbers."""
+    """SAC's policy, whose actor reads the first numbers."""
 
     def __init__(self, *args: Any, reads: int, hidden: int, **kwargs: Any) -> None:
         self._reads = reads
@@ -120,7 +120,7 @@ class Dagger(SAC):
         super()._store_transition(replay_buffer, wanted, new_obs, reward, dones, infos)
 
     def train(self, gradient_steps: int, batch_size: int = 512) -> None:
-        """On so many minibatches; the error is 0 where the teacher had no answer."""
+        """Trains on so many minibatches; the error is 0 where the teacher had no answer."""
         assert self.replay_buffer
         for _ in range(gradient_steps):
             examples = self.replay_buffer.sample(batch_size)

@@ -19,7 +19,7 @@ CONFIDENCE = 1.0  # standard deviations; with 2, 40 % of the ticks on flat groun
 
 
 class GpAssembly(Assembly):
-    """With the cone programme; `policy` is a file of GPs."""
+    """An assembly with the cone programme; `policy` is a file of GPs."""
 
     kind = GpController
 
@@ -30,7 +30,7 @@ class GpAssembly(Assembly):
 
 
 class JointTargetAssembly(Assembly):
-    """With joint targets; `policy` is a file of a network."""
+    """An assembly with joint targets; `policy` is a file of a network."""
 
     kind = JointTargetController
 

@@ -85,7 +85,7 @@ def whole(task: ControlTask, seen: Any, p: Array) -> Array:
 
 
 def scaled(about: TaskAbout, reads: Array) -> Array:
-    """In the network's units."""
+    """What the network reads, in its units."""
     found: Array = ((reads - about.center) / about.scale).clip(-BOUND, BOUND)
     return found
 

@@ -46,7 +46,7 @@ class SideBySide(VecEnv):
         return observations, rewards.astype(np.float32), failed | cut, infos
 
     def close(self) -> None:
-        """Nothing is open."""
+        """Closes nothing: nothing is open."""
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
         """The attribute of each robot's environment."""
@@ -59,7 +59,7 @@ class SideBySide(VecEnv):
             setattr(environment, attr_name, value)
 
     def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
-        """None is called by a learner of this project."""
+        """Calls nothing: no learner of this project does."""
         raise NotImplementedError(method_name)
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:

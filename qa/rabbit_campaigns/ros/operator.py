@@ -99,7 +99,7 @@ class Operator(GraphClient):
         return (policy.version, *comes)
 
     def _comes_in_force(self, version: str, reason: str = "") -> tuple[str, bool]:
-        """In force, or replaced before the next tick by a newer one, as by a trainer between two episodes."""
+        """Whether it comes in force, or a newer one replaces it before the next tick, as a trainer's does."""
         self._versions.clear()
 
         def is_replaced() -> bool:  # torques come of a policy that was published after what was asked last

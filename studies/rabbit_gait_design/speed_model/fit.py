@@ -67,7 +67,7 @@ def without_mean(plants: Sequence[Sequence[Steps]]) -> list[Rows]:
 
 
 def fitted(plants: Sequence[Sequence[Steps]]) -> SpeedModel:
-    """By two-stage least squares; raises `SpeedModelError`."""
+    """Fits it by two-stage least squares; raises `SpeedModelError`."""
     tables = without_mean(plants)
     if len(tables) < len(NAMES):
         raise SpeedModelError(f"{len(tables)} plants with {LEAST_ROWS} steps: expected at least {len(NAMES)}")

@@ -31,7 +31,7 @@ AT_ONCE = 2.0  # steps, mean, within which "fails after just one step" counts as
 
 
 class Perturbation(Experiment):
-    """At scale 1 and 2, flat and on stones: `field` of the plant has `value`; `what` names it in a line."""
+    """A plant at scale 1 and 2, flat and on stones: its `field` has `value`; `what` names it in a line."""
 
     field: str
     value: float
@@ -69,7 +69,7 @@ class Tolerance(Sweep):
     plants: ClassVar = {RL_CBF_CLF: {"mass_scale": 2.0}, CBF_CLF_ORACLE: {"mass_scale": 2.0}, CBF_CLF: {}}
 
     def compared(self) -> Iterable[Line]:
-        """None: the paper claims nothing."""
+        """The lines but for the thousand steps."""
         return ()
 
     def claims(self, found: Found) -> list[Claim]:
@@ -96,7 +96,7 @@ class SmallMass(Experiment):
         return lines | {LONG: Line(what, assembly, "indefinitely", LONG_RUNS, (MAIN,))}
 
     def compared(self) -> Iterable[Line]:
-        """Not the thousand."""
+        """The lines but for the thousand steps."""
         return [line for key, line in self.by_key.items() if key != LONG]
 
     def claims(self, found: Found) -> list[Claim]:
@@ -144,7 +144,7 @@ class SmallMass(Experiment):
     def _untrained(
         self, scale: float, who: tuple[Contender, ...], walks: dict[Any, Walks], best: dict[Any, Walks]
     ) -> Claim:
-        """Not in the paper: the policies of scale 2."""
+        """What the paper does not claim: the policies of scale 2."""
         learned, nominal, oracle = (walks[scale, each] for each in who)
         ours = f"{learned.text}; nominal {nominal.text}, oracle {oracle.text}"
         return self.claim("untrained", ours, tuned=best[scale, who[1]], who=who[0].title, scale=f"{scale:g}")

@@ -134,7 +134,7 @@ class FeasibilityShare(Judged):
         return (Table("shares", heads, tuple(rows)),)
 
     def claims(self, found: Found) -> list[Claim]:
-        """On stones, of RL-CBF-CLF-QP and of the nominal controller."""
+        """Claims on stones, about RL-CBF-CLF-QP and the nominal controller."""
         walks = self.judged(found, ("stones", found.column))
         own, own_nominal = (share([walks[who]], who, "safety") for who in range(2))
         common, common_nominal = (share(walks, who, "safety") for who in range(2))
@@ -158,11 +158,11 @@ class FeasibilityByEpisode(Judged):
     name = "feasibility-by-episode"
 
     def trainings(self, size: Size) -> list[TrainingJob]:
-        """Those of the stepping stones' problem."""
+        """The trainings of the stepping stones' problem."""
         return _on_stones(recipes(size.quick))
 
     def cases(self, size: Size) -> Iterable[Case]:
-        """None without trainings."""
+        """The cases; none without trainings."""
         return ["common"] if size.trained else []
 
     def walks_of(self, size: Size, case: Case) -> list[list[JudgedWalk]]:
@@ -260,6 +260,6 @@ def _trained(found: Found) -> list[TrainingJob]:
 
 
 def _on_stones(trainings: Sequence[TrainingJob]) -> list[TrainingJob]:
-    """Those of the stepping stones' problem at scale 2."""
+    """The trainings of the stepping stones' problem at scale 2."""
     own = [recipe for recipe in trainings if recipe.parameters.problem.name == RL_CBF_CLF.controller]
     return [recipe for recipe in own if recipe.plant.mass_scale == TRAINING_SCALE]

@@ -43,7 +43,7 @@ class TenSteps(Experiment):
 
 
 class ClfResults(TenSteps):
-    """Also which controller keeps the friction cone without a row for it."""
+    """Ten steps, and which controller keeps the friction cone without a row for it."""
 
     name = "clf-results"
 

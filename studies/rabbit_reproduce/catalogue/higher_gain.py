@@ -54,7 +54,7 @@ class HigherGain(Experiment):
         }
 
     def compared(self) -> Iterable[Line]:
-        """None: it is one of them."""
+        """The lines to compare: none, since it is one of them."""
         return ()
 
     def claims(self, found: Found) -> list[Claim]:

@@ -47,7 +47,7 @@ class Setting:
 
     @property
     def text(self) -> str:
-        """In a table."""
+        """The setting in a table."""
         gain = "" if self.gain is None else f", gain {self.gain:g}"
         return f"L1 {NAMES[self.law]}{gain}, {RATES[self.substeps]}{', wide bounds' * self.wide}"
 
@@ -66,7 +66,7 @@ class L1Sweep(Experiment):
 
     @cached_property
     def by_key(self) -> dict[Any, Line]:
-        """By scale and setting; without L1 by the scale alone."""
+        """The lines by scale and setting; without L1 by the scale alone."""
         cases = [(scale, setting) for scale in SCALES for setting in SWEPT] + [(SCALES[0], each) for each in UNBOUND]
         more: dict[str, Any] = {"runs": RUNS, "columns": (MAIN,)}
         lines: dict[Any, Line] = {}

@@ -28,7 +28,7 @@ Session = tuple[Episode, ...]
 
 
 class LearningCurves(Experiment):
-    """From the trainings of `--retrain`, or else from the log in the package."""
+    """The curves of the trainings of `--retrain`, or else of the log in the package."""
 
     name = "learning-curves"
 

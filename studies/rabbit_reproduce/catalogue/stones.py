@@ -63,7 +63,7 @@ class RlCbfClfResults(Experiment):
 
 
 class SteppingStone(Experiment):
-    """In the walk of [fig:rl-cbf-clf-results]."""
+    """The swing foot in the walk of [fig:rl-cbf-clf-results]."""
 
     name = "stepping-stone"
     shown = (RL_CBF_CLF,)
@@ -93,7 +93,7 @@ class NominalStones(Experiment):
 
     @cached_property
     def by_key(self) -> dict[Any, Line]:
-        """With all rows, and without force rows."""
+        """The lines with all rows, and without force rows."""
         all_rows = CBF_CLF.assembly(mass_scale=2.0)
         lines = {"whole": Line(f"{CBF_CLF.title}, scale 2", all_rows, "5.6 +- 4.64 stones", PAPER_RUNS)}
         for who, scale in ((CBF_CLF, 2.0), (CBF_CLF, 1.0), (RL_CBF_CLF, 2.0)):

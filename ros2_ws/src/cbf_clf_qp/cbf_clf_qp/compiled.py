@@ -201,13 +201,13 @@ def remove_old(folder: Path) -> None:
 
 @atexit.register
 def stop_compiler() -> None:
-    """As the process ends."""
+    """Stops the compiler as the process ends."""
     for library in _running:
         library.stop()
 
 
 def forget_compiler() -> None:
-    """In a forked process: it is the parent's."""
+    """Forgets the compiler in a forked process: it is the parent's."""
     global _lock
     _lock = Lock()
     _running.clear()

@@ -18,7 +18,7 @@ PATIENCE = 300  # s, for pip
 
 
 class SourceError(OSError):
-    """It cannot be had, and why."""
+    """The source cannot be had, and why."""
 
 
 def unpack_daqp(folder: Path) -> Path:

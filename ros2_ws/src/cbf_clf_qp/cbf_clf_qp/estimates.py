@@ -45,12 +45,12 @@ class Estimates:
         return Estimates(self.alpha + other.alpha, self.beta + other.beta, known)
 
     def __getitem__(self, i: int) -> "Estimates":
-        """Those of robot `i` of N."""
+        """The estimates of robot `i` of N."""
         return Estimates(self.alpha[i], self.beta[i], None if self.output_error is None else self.output_error[i])
 
     @classmethod
     def of_many(cls, estimates: Sequence["Estimates"]) -> "Estimates":
-        """Those of N robots, from those of each; the output errors are known if all are."""
+        """The estimates of N robots, from those of each; the output errors are known if all are."""
         alpha, beta, errors = zip(*(vars(each).values() for each in estimates), strict=True)
         known = None if any(error is None for error in errors) else np.array(errors)
         return cls(np.array(alpha), np.array(beta), known)

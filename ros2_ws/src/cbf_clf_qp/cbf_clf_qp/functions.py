@@ -29,7 +29,7 @@ _building = RLock()
 
 @contextmanager
 def building() -> Iterator[None]:
-    """In one thread at a time expressions and functions are made: CasADi may crash with several."""
+    """Lets one thread at a time make expressions and functions: CasADi may crash with several."""
     with _building:
         yield
 
@@ -49,7 +49,7 @@ class Values:
         raise AttributeError(f"no value {name}: expected one of {', '.join(vars(type(self)))}")
 
     def __getitem__(self, i: int) -> Self:
-        """Those of call `i` of N."""
+        """The values of call `i` of N."""
         return type(self)(self.row[i])
 
 
@@ -101,7 +101,7 @@ class NumpyFunction:
         self._buffer.set_res(0, self.row.data)  # type: ignore[call-arg]
 
     def count(self, calls: int) -> None:
-        """It is called so often, by others than `__call__`: after many calls it is compiled."""
+        """Counts calls by others than `__call__`: after many calls it is compiled."""
         self._rest -= calls
         if self._rest <= 0:
             self.compile()

@@ -36,7 +36,7 @@ def generate_launch_description() -> LaunchDescription:
 
 
 def nodes(words: dict[str, str]) -> list[Node]:
-    """Those that are asked for; their parameters are in the walk's folder."""
+    """The nodes that are asked for; their parameters are in the walk's folder."""
     walk = prepare(given_of(words, DEFAULTS, *MODELS))
     player = given_of({name: said for name, said in words.items() if name != "trainer"}, Defaults(), PlayerParameters)
     more = player.build(PlayerParameters).model_dump(include=set(player.values))

@@ -117,7 +117,7 @@ class LazyGroup(TyperGroup):
     """Knows the commands by name and help, see `commands` and `summary`."""
 
     def list_commands(self, ctx: Any) -> list[str]:
-        """In the order of the help text."""
+        """The commands in the order of the help text."""
         return list(commands())
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:

@@ -56,7 +56,7 @@ class CommandGuard:
         self.look(now)
 
     def look(self, now: float) -> None:
-        """Nothing acts but what is new."""
+        """Lets nothing act but what is new."""
         ages: dict[str, Any] = {"command": now - self._commanded_at, "joint_states": now - self._sensed_at}
         for name, age in ages.items():
             if self.acts.any() and age > self._p.timeout:

@@ -22,7 +22,7 @@ ROUNDING = 1e-6  # N m
 
 
 class HardwareParameters(PlayerParameters):
-    """Those of the simulator's node, and what keeps a robot whole."""
+    """The parameters of the simulator's node, and what keeps a robot whole."""
 
     IS_SIMULATED: ClassVar[bool] = False
 

@@ -59,7 +59,7 @@ class SensorClock:
 
 
 class EncoderWatch:
-    """For how long an encoder's angle has been the same, `still` (4,), s, and how far the robot has turned meanwhile,
+    """How long an encoder's angle has been the same, `still` (4,), s, and how far the robot has turned meanwhile,
     `turned` (4,), rad: by the fastest of joints and torso."""
 
     def __init__(self, frozen_time: float) -> None:

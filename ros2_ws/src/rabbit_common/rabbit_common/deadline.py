@@ -13,7 +13,7 @@ _MONOTONIC, _IN_A_THREAD = 1, 2  # CLOCK_MONOTONIC, SIGEV_THREAD
 
 
 def end_within(seconds: int, code: int) -> None:
-    """From now on the process has so many seconds, s, before it ends with this exit code; `OSError` if it cannot."""
+    """Gives the process so many seconds before it ends with this exit code; raises `OSError` if it cannot."""
     sys.stdout.flush()
     sys.stderr.flush()
     libc = ctypes.CDLL(None, use_errno=True)

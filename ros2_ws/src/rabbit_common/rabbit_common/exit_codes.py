@@ -16,7 +16,7 @@ class ExitCode(IntEnum):
 
     @property
     def word(self) -> str:
-        """As in `node died`."""
+        """Its word, as in `node died`."""
         return self.name.lower().replace("_", " ")
 
 

@@ -59,7 +59,7 @@ def check_turn(got: tuple[int, int], expected: tuple[int, int]) -> None:
 
 
 def doubles(values: Array) -> "array[float]":
-    """For a sequence of a message: copied at once, where rclpy would ask a numpy array for each number."""
+    """The array for a sequence of a message: copied at once, where rclpy would ask for each number."""
     return array("d", np.asarray(values, dtype=np.float64).tobytes())
 
 

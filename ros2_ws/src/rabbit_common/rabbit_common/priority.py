@@ -31,7 +31,7 @@ def take_priority(priority: int, warn: Callable[[str], object]) -> None:
 
 
 def take_listeners_priority(priority: int, warn: Callable[[str], object]) -> None:
-    """As `take_priority`, just beneath the nodes of that priority."""
+    """The same as `take_priority`, just beneath the nodes of that priority."""
     take_priority(priority and max(1, priority - BENEATH), warn)
 
 

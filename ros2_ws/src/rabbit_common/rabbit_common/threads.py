@@ -9,6 +9,6 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 def use_one_thread() -> None:
-    """Unless the environment says otherwise."""
+    """Has the libraries use one thread, unless the environment says otherwise."""
     for name in THREADS:
         os.environ.setdefault(name, "1")

@@ -60,7 +60,7 @@ def load(group: str, name: str) -> Any:
 
 @cache
 def _by_name(group: str, path: tuple[str, ...]) -> dict[str, EntryPoint]:
-    """As `sys.path` is; raises `PluginError` where two packages bring different parts under one name."""
+    """The entry points as `sys.path` is; raises `PluginError` where two packages bring other parts under one name."""
     parts: dict[str, EntryPoint] = {}
     for entry in _entry_points(path).select(group=group):
         first = parts.setdefault(entry.name, entry)

@@ -29,7 +29,7 @@ class RobotStates:
 
     @classmethod
     def of(cls, states: Sequence[RobotState]) -> "RobotStates":
-        """From the states of single robots."""
+        """Puts the states of single robots into rows."""
         arrays = {name: np.array([getattr(state, name) for state in states]) for name in ARRAYS}
         rows = cls(**arrays, stones=np.full((len(states), 3), np.nan), previews=[None] * len(states))
         for i, state in enumerate(states):
@@ -56,7 +56,7 @@ class RobotStates:
         self.stones[i] = (np.nan,) * 3 if stone is None else (stone.l_min, stone.l_max, stone.height)
 
     def kept(self, rows: Array) -> "RobotStates":
-        """Those of some robots, by number."""
+        """The states of some robots, by number."""
         arrays = {name: getattr(self, name)[rows] for name in (*ARRAYS, "stones")}
         return RobotStates(**arrays, previews=[self.previews[i] for i in rows])
 

@@ -63,7 +63,7 @@ class Leg(IntEnum):
 
     @property
     def joints(self) -> slice:
-        """Its hip and knee among the coordinates; in stance/swing order the left one's are the stance leg's."""
+        """The leg's hip and knee among the coordinates; in stance/swing order the left one's are the stance leg's."""
         hip = BASE + self * LEG_JOINTS
         return slice(hip, hip + LEG_JOINTS)
 
@@ -159,7 +159,7 @@ class RobotState:
 
     @classmethod
     def of_message(cls, message: Any, preview: StonePreview | None) -> "RobotState":
-        """From an object with the fields of a `RobotState` message."""
+        """Reads an object with the fields of a `RobotState` message."""
         return cls(
             tick=message.tick,
             q=np.array(message.q),

@@ -46,7 +46,7 @@ class TaskError(ValueError):
 
 @dataclass(frozen=True)
 class Line:
-    """In a picture: through `points` (k, 2), m, as wide as so many points of a page."""
+    """A line in a picture: through `points` (k, 2), m, as wide as so many points of a page."""
 
     points: Array
     colour: str = "black"
@@ -55,7 +55,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Disc:
-    """In a picture: around `centre` (2,), m, of a radius, m."""
+    """A disc in a picture: around `centre` (2,), m, of a radius, m."""
 
     centre: Array
     radius: float
@@ -198,7 +198,7 @@ class ControlTask:
 
     @property
     def barriers(self) -> list[Barrier]:
-        """In their order."""
+        """The barriers in their order."""
         return [quantity for quantity in self.quantities if isinstance(quantity, Barrier)]
 
     @property

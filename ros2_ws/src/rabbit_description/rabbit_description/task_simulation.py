@@ -25,7 +25,7 @@ class TaskSimulation:
         self.outcome, self.reason = "idle", ""
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Closes nothing: nothing is held."""
 
     def reset(self, seed: int) -> RobotState:
         """A new episode."""

@@ -311,7 +311,7 @@ def answer(
 
 
 def linearised(function: Callable[[ca.SX], ca.SX], x: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Its value and its derivative at x."""
+    """The function's value and its derivative at x."""
     at = ca.SX.sym("at", x.numel())
     value = function(at)
     value, derivative = ca.substitute([value, ca.jacobian(value, at)], [at], [x])
@@ -324,7 +324,7 @@ def turning(x: ca.SX, s: Any) -> ca.SX:
 
 
 def turn(pitch: ca.SX) -> ca.SX:
-    """From the torso's frame to the world's, (2, 2)."""
+    """The rotation from the torso's frame to the world's, (2, 2)."""
     c, s = ca.cos(pitch), ca.sin(pitch)
     return ca.blockcat([[c, s], [-s, c]])
 

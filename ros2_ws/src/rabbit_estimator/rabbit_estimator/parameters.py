@@ -61,6 +61,6 @@ class EstimatorParameters(Checked):
 
     @classmethod
     def knowing(cls, sensors: BaseModel) -> "EstimatorParameters":
-        """With the errors that a simulation's parameters give the sensors: those of the same name, but for zeros."""
+        """The parameters, with a simulation's errors of the sensors: those of the same name, but for zeros."""
         errors = {name: getattr(sensors, name, 0.0) for name in cls.model_fields}
         return cls(**{name: value for name, value in errors.items() if value > 0})

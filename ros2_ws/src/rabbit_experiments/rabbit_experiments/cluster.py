@@ -169,7 +169,7 @@ def _checked(address: str) -> str:
 
 
 def _do_with(made_with: dict[str, str], do: Callable[[Batch], Results], batch: Batch) -> Results:
-    """On a worker: raises JobError where it has other files, code or libraries; an error of a job is its result."""
+    """Does a batch on a worker: raises JobError where files, code or libraries differ; a job's error is its result."""
     if others := differing(made_with, provenance(plain(batch))):
         raise JobError(f"another {', '.join(others)}")
     try:

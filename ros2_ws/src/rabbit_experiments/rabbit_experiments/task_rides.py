@@ -130,7 +130,7 @@ def rides_of(source: str, controllers: Sequence[str], rides: int, seed: int, pla
 
 
 def plants_of(task: ControlTask) -> dict[str, Plant]:
-    """By name: every true parameter at the `SHARES`, the others nominal; then all together."""
+    """The plants by name: every true parameter at the `SHARES`, the others nominal; then all together."""
     off = list(task.true)
     plants = {}
     for varied in [[name] for name in off] + [off] * (len(off) > 1):

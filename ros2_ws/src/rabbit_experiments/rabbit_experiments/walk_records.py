@@ -102,7 +102,7 @@ class WalkRecords:
 
     @classmethod
     def from_ticks(cls, records: Sequence[Record], landings: Sequence[Landing], about: dict[str, Any]) -> "WalkRecords":
-        """From the ticks of a rollout."""
+        """Keeps the ticks of a rollout."""
         if not records:
             raise RecordsError("no ticks: nothing to draw")
         measured, chosen = [record.state for record in records], [record.output for record in records]
@@ -134,7 +134,7 @@ class WalkRecords:
 
     @property
     def stance_force(self) -> Array:
-        """On the foot that stands, mean over the tick before: tangential, normal, (n, 2), N."""
+        """The force on the foot that stands, mean over the tick before: tangential, normal, (n, 2), N."""
         return self.foot_force[np.arange(len(self.tick)), self.stance]
 
     @property
@@ -169,7 +169,7 @@ def what_walks(controller: ControllerParameters, simulation: SimulationParameter
 
 
 def controller_in_words(about: Mapping[str, Any]) -> str:
-    """As `Learned controller`."""
+    """The controller in words, as `Learned controller`."""
     controller, policy = str(about.get("controller", "")), about.get("policy")
     who = CONTROLLERS.get(controller, controller)
     if about.get("adaptation") == "identification":
@@ -189,7 +189,7 @@ def plant_in_words(about: Mapping[str, Any]) -> str:
 
 
 def drawn_parameters(controller: ControllerParameters) -> dict[str, Any]:
-    """Those of the controller that pictures draw."""
+    """The controller's parameters that pictures draw."""
     return {name: getattr(controller, name) for name in DRAWN}
 
 

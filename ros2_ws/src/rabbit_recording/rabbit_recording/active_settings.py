@@ -39,7 +39,7 @@ class Settings:
         self._announced.append((place, message))
 
     def of(self, episode: int) -> list[RecordedSettings]:
-        """Those of an episode, the first from tick 0 on; later only those of later ones can be asked for."""
+        """The settings of an episode, the first from tick 0 on; later only those of later ones can be asked for."""
         before = [i for i, (place, _) in enumerate(self._announced) if place <= (episode, 0)]
         self._announced = self._announced[before[-1] if before else 0 :]
         begin = [self._announced[0][1]] if before else []
@@ -64,7 +64,7 @@ class Policies:
             self._announced.append((message.version, bytes(message.data)))
 
     def get(self, version: str) -> bytes | None:
-        """Its bytes, empty for the built-in zero policy; None if it was not announced."""
+        """The policy's bytes, empty for the built-in zero policy; None if it was not announced."""
         return dict(self._announced).get(version)
 
     def forget_before(self, version: str) -> None:

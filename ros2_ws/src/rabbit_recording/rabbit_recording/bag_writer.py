@@ -31,7 +31,7 @@ def graph_types(definitions: Iterable[Path]) -> Typestore:
 
 
 def add_types(store: Typestore, share: Path) -> None:
-    """Those of a message package, by its folder."""
+    """Adds the types of a message package, by its folder."""
     for file in sorted((share / "msg").glob("*.msg")):
         store.register(get_types_from_msg(file.read_text(encoding="utf-8"), f"{share.name}/msg/{file.stem}"))
 
@@ -93,7 +93,7 @@ class BagWriter:
 
     @contextlib.contextmanager
     def _errors(self, where: str = "") -> Iterator[None]:
-        """As `RecordingError`; one of the system's ends the recording."""
+        """Raises errors as `RecordingError`; one of the system's ends the recording."""
         try:
             yield
         except (OSError, WriterError, TypesysError, KeyError) as error:

@@ -47,7 +47,7 @@ def contents(path: Path) -> Contents:
 
 
 def _qos_text(connection: Connection) -> str:
-    """As in `reliable, volatile, last 5000`."""
+    """The QoS in words, as in `reliable, volatile, last 5000`."""
     assert isinstance(connection.ext, ConnectionExtRosbag2)
     words = [
         f"{p.reliability.name}, {p.durability.name}, {p.history.name.removeprefix('KEEP_')} {p.depth}"

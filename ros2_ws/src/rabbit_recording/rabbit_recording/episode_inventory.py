@@ -125,7 +125,7 @@ class Gathered:
 
     @property
     def _tick_seconds(self) -> float:
-        """As announced; where it cannot be, RABBIT's."""
+        """The tick's length as announced; where it cannot be, RABBIT's."""
         seconds = float(self.announced.tick_seconds) if self.announced else TICK_SECONDS
         return seconds if LEAST_TICK <= seconds < math.inf else TICK_SECONDS
 
@@ -137,7 +137,7 @@ class Gathered:
         return {topic: (topic, walker if topic in DETAILS else "") for topic in BY_TICK}
 
     def full_ticks(self, ticks: Ticks) -> list[int]:
-        """Those of which there is all that is published of a tick."""
+        """The ticks of which there is all that is published of one."""
         wanted = [t for t, kind in self.kinds(ticks).items() if t not in OPTIONAL or ticks[t] or kind in self._followed]
         return sorted(set.intersection(*(set(ticks[topic]) for topic in wanted)))
 
@@ -194,7 +194,7 @@ class Gathering:
         self._open[number].add(message)
 
     def finished(self, all_of_them: bool = False) -> Iterator[tuple[Gathered, EpisodeInventory]]:
-        """Those that get no more messages, in their order."""
+        """The episodes that get no more messages, in their order."""
         while self._order and (all_of_them or self._order[0] < self._reached - NEIGHBOURS):
             yield from self._judge(self._open.pop(heappop(self._order)))
         if all_of_them:

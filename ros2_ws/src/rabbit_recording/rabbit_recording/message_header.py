@@ -43,7 +43,7 @@ def _stamp_and_length(data: bytes) -> tuple[int, int, int]:
 
 
 class SimulatedTime:
-    """At which time messages are stored: the one that they carry, so that a recording has one clock; in their order.
+    """The time at which messages are stored: the one they carry, so that a recording has one clock; in their order.
 
     A simulator that is started again without a memory begins its time at 0, and a recording ends there. It says so by
     its first word, that it waits for episode 0. That is latched: a recorder that is started late also receives the one

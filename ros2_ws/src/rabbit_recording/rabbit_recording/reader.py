@@ -112,7 +112,7 @@ def iterate_inventories(path: Path) -> Iterator[EpisodeInventory]:
 
 @dataclass
 class _Announced:
-    """By the controller, so far."""
+    """What the controller has announced so far."""
 
     policies: Policies = field(default_factory=Policies)
     settings: dict[str, Settings] = field(default_factory=lambda: defaultdict(Settings))  # by controller

@@ -22,7 +22,7 @@ class Actuation:
         self.states = {type(stage): np.zeros((len(parameters), stage.remembered(), JOINTS)) for stage in self._stages}
 
     def rest(self, robot: int | slice = slice(None)) -> None:
-        """Those of one robot, or all, come to rest, no command on its way."""
+        """Brings the motors of one robot, or of all, to rest, no command on its way."""
         for state in self.states.values():
             state[robot] = 0.0
 

@@ -45,7 +45,7 @@ class BatchSimulation:
 
     @property
     def running(self) -> Array:
-        """Whose episode goes on, (N,)."""
+        """Which robots' episodes go on, (N,)."""
         return self.states.running
 
     def reset(self, seeds: Sequence[int]) -> RobotStates:

@@ -74,7 +74,7 @@ class EnginePlant(Plant, ABC):
         self._take_in(self._walked(self._actuation.advance(command), self.next_pushes()))
 
     def next_pushes(self) -> list[float]:
-        """On the torso in the next tick's substeps, N."""
+        """The pushes on the torso in the next tick's substeps, N."""
         pushes, self._push = self._push[: self._substeps].tolist(), self._push[self._substeps :]
         return pushes + [0.0] * (self._substeps - len(pushes))
 

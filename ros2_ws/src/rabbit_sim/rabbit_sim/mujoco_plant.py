@@ -149,5 +149,5 @@ def robot_mjcf(urdf: str, friction: float, radius: float = FOOT_RADIUS) -> str:
 
 
 def text(numbers: Array) -> str:
-    """As MuJoCo reads them, with all digits."""
+    """The numbers as MuJoCo reads them, with all digits."""
     return " ".join(map(repr, numbers.tolist()))

@@ -163,6 +163,6 @@ class PlayerParameters(Checked):
 
 
 class NodeParameters(PlayerParameters):
-    """Those of the simulator's node."""
+    """The parameters of the simulator's node."""
 
     task: str = Field("", description=f"what is simulated; empty: RABBIT; else {ABOUT_TASK}")

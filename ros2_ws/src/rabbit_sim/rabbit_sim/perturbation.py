@@ -71,7 +71,7 @@ class Perturbation(Checked):
 
     @classmethod
     def of_all(cls, robots: Sequence[Parameters]) -> Self:
-        """Those of N robots in one, whose fields are arrays (N, 1, 1)."""
+        """The perturbations of N robots in one, whose fields are arrays (N, 1, 1)."""
         values: dict[str, Any] = {name: np.array([[[getattr(p, name)]] for p in robots]) for name in cls.model_fields}
         return cls.model_construct(**values)  # type: ignore[return-value]
 
@@ -111,7 +111,7 @@ class Perturbation(Checked):
         return torques
 
     def transmitted(self, memory: Memory, torque: Array, joints: Array, rates: Array) -> Array:
-        """To the joints (4,), N m, over the next substep, in which `torque` (4,) comes from the motors' side.
+        """What comes to the joints (4,), N m, over the next substep, in which the motors' side gives `torque` (4,).
 
         `joints`, `rates` (4,): rad, rad/s; those of the reset are in the memory.
         """
@@ -122,7 +122,7 @@ class Perturbation(Checked):
         raise NotImplementedError
 
     def force(self, memory: Memory, tick: int) -> Array:
-        """In the substeps of a tick, counted from the reset, along the ground on the torso's centre of mass.
+        """The force in the substeps of a tick, counted from the reset, along the ground on the torso's centre of mass.
 
         (substeps,), N; asked for once a tick. The memory has an `rng` of this perturbation and episode, and all
         `parameters`.

@@ -141,7 +141,7 @@ class PybulletPlant(EnginePlant):
         self._client.stepSimulation()
 
     def _apply(self, torque: Sequence[float]) -> None:
-        """For the next substep alone, as PyBullet forgets it."""
+        """Applies the torques for the next substep alone, as PyBullet forgets them."""
         self._client.setJointMotorControlArray(self._robot, self._motors, pybullet.TORQUE_CONTROL, forces=torque)
 
     def _joint_states(self) -> JointStates:

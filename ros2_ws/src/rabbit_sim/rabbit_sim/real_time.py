@@ -99,11 +99,11 @@ class Punctuality:
 
     @property
     def figures(self) -> dict[str, float]:
-        """For diagnostics."""
+        """The figures for diagnostics."""
         return {"ticks": self.ticks, "late ticks": self.late, "missed deadlines": self.missed, "worst (s)": self.worst}
 
     def __str__(self) -> str:
-        """As it is told."""
+        """The times as they are told."""
         count, seconds = sum(self._newest), LATE_SECONDS * 1e3
         return f"{count} of the newest {len(self._newest)} ticks more than {seconds:g} ms late, limit {self.limit:.1%}"
 

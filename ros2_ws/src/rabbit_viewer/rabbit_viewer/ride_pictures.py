@@ -44,7 +44,7 @@ def draw_margins(task: ControlTask, rides: Mapping[str, Sequence[RideRow]], path
 
 
 def draw_ride(ride: Ride, folder: Path, form: str = "png") -> list[Path]:
-    """Its rows and, of a task that has `draw`, its film; raises `VideoError`."""
+    """Draws a ride's rows and, of a task that has `draw`, its film; raises `VideoError`."""
     return [draw_rows(ride, folder / f"rows.{form}"), *(film(ride, folder / "ride.mp4") if ride.task.draw else ())]
 
 

@@ -121,7 +121,7 @@ class Scene:
             self._lines[name].set_data(line[:, 0] - self._walk.q[row, 0], line[:, 1])
 
     def _with_words(self, row: int, picture: NDArray[np.uint8]) -> Image.Image:
-        """By Pillow: matplotlib takes four times as long for the letters as for all the rest."""
+        """Writes the words by Pillow: matplotlib takes four times as long for the letters as for all the rest."""
         walk = self._walk
         tangential, normal = walk.stance_force[row]
         ratio = f"{abs(tangential) / normal:4.2f}" if normal > 1 else "   -"

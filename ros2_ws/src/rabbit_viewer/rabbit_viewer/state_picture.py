@@ -45,7 +45,7 @@ class StatePicture:
         self._curves = lru_cache(maxsize=1)(self._curves_at)
 
     def shapes(self, x: Array, p: Array) -> Sequence[Shape]:
-        """In the state `x` (n,) with the parameters `p` (k,)."""
+        """The shapes in the state `x` (n,) with the parameters `p` (k,)."""
         at = np.zeros(2)
         at[: self._count] = (x[: self._count] - self._middle) / self._half
         return [Line(np.array(FRAME, dtype=float), "gray", 1), *self._curves(tuple(p)), Disc(at, 0.03, "tab:blue")]

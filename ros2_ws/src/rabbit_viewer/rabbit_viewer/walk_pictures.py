@@ -50,7 +50,7 @@ def records_of(source: Path, episode: int | None = None) -> WalkRecords:
 
 
 def place_of(source: Path, name: str, suffix: str) -> Path:
-    """In a run's folder, or next to a recording."""
+    """A place for a picture: in a run's folder, or next to a recording."""
     is_run = exists(source / RECORDS)
     return source / name if is_run else source.with_name(f"{source.resolve().stem}{suffix}")
 

@@ -148,7 +148,7 @@ class BatchController:
         return self._nothing
 
     def _total(self, learned: Array, seen: Array) -> Array:
-        """With those of the identified robots, (N, size)."""
+        """The learned estimates with those of the identified robots, (N, size)."""
         if self._to_adapted is None:
             return learned
         adapted = seen[:, self._to_adapted]
@@ -161,7 +161,7 @@ class BatchController:
         return self._rows.estimates.copy()
 
     def _noise(self) -> Array:
-        """To explore with, (N, m)."""
+        """The noise to explore with, (N, m)."""
         sigma = self._parameters.sigma
         if sigma == 0 and self._is_silent:
             return self._silence
@@ -189,7 +189,7 @@ class BatchController:
         return scene_of(self._one, seen, errors)
 
     def identified(self) -> Estimates:
-        """Those of the identified robots, of the states that were looked at last."""
+        """The estimates of the identified robots, of the states that were looked at last."""
         return sum(identified(self._one, self._seen), self._none)
 
     def reading(self, states: Any) -> Array:
@@ -271,7 +271,7 @@ class BatchController:
         return row, solver, status
 
     def _by_solvers(self, name: str, robots: Array, status: list[str]) -> Array:
-        """By a solver outside the function, one robot after the other."""
+        """Solves by a solver outside the function, one robot after the other."""
         rows, data = self._rows, self._rows.data()
         for i in robots.tolist():
             if self._solvers[i] is None:
@@ -306,7 +306,7 @@ class BatchController:
         return Estimates.of_many(estimates)
 
     def _why_refused(self, state: RobotState, kind: int) -> str:
-        """In words."""
+        """Why a state is refused, in words."""
         if kind in (Q, DQ):
             name = "q" if kind == Q else "dq"
             return f"state.{name} = {getattr(state, name)}: expected {DOF} finite values"

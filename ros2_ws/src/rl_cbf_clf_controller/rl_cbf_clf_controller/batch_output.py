@@ -133,7 +133,7 @@ class BatchOutput:
 
     @cached_property
     def estimates(self) -> Estimates:
-        """In all."""
+        """The estimates in all."""
         first, *others = self.parts
         return sum(others, first)
 

@@ -62,7 +62,7 @@ class ControllerParts:
         return self._parameters
 
     def first_memory(self) -> Array:
-        """With which an episode begins."""
+        """The memory with which an episode begins."""
         return self.functions.first(self._parameters)
 
     def make_solver(self, name: str) -> Solver:

@@ -74,7 +74,7 @@ class Row:
 
     @property
     def asks(self) -> str:
-        """As in `at least 54.5`."""
+        """What the row asks, as in `at least 54.5`."""
         if np.isinf(self.lower) or np.isinf(self.upper):
             return self.asks_on(np.isinf(self.lower))
         is_even = abs(self.lower + self.upper) <= ROUNDING * abs(self.upper)
@@ -239,7 +239,7 @@ def meaning_of(name: str, words: Words) -> tuple[str, str]:
 
 
 def in_words(name: str, asks: str, words: Words) -> str:
-    """As in `B1, land before the far edge: at least 54.5 m/s²`."""
+    """A row in words, as in `B1, land before the far edge: at least 54.5 m/s²`."""
     meaning, unit = meaning_of(name, words)
     return f"{name}, {meaning}: {asks} {unit}" if meaning else f"{name}: {asks} {unit}".rstrip()
 

@@ -245,7 +245,7 @@ def report_of(controller: OneRobot) -> Layout:
 
 
 def tables_of(policy: ActorPolicy) -> dict[str, Array]:
-    """Its numbers; see `forward` in `network.c`, and `estimate_function`."""
+    """The policy's numbers; see `forward` in `network.c`, and `estimate_function`."""
     actor, (alpha, beta) = policy.actor, policy.scales
     tables = {"center": policy.center, "inverse_scale": policy.inverse_scale, "alpha_scale": alpha, "beta_scale": beta}
     tables |= {"weights": actor.weights, "biases": actor.biases, "sizes": actor.sizes}
@@ -310,7 +310,7 @@ def declared(name: str, values: Array) -> str:
 
 
 def numbers(values: Array) -> str:
-    """Those of an array in C, to the bit."""
+    """The numbers of an array in C, to the bit."""
     return f"{{{', '.join(map(number, values.tolist()))}}}"
 
 

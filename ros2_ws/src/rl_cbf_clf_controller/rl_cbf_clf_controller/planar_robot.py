@@ -80,7 +80,7 @@ class PinnedRobot:
         self.parameters = dict(parameters or robot_parameters(structure))
 
     def system(self, further: Mapping[str, ca.SX], rates: Mapping[str, ca.SX]) -> System:
-        """With the stance foot held; its parameters are the robot's and `further` ones, of which some have `rates`."""
+        """The system with the stance foot held; its parameters: the robot's and `further` ones, some with `rates`."""
         x_dot = ca.vertcat(self.dq, self.acceleration(self.u))
         return System(ca.vertcat(self.q, self.dq), self.u, x_dot, {**self.parameters, **further}, rates)
 

@@ -230,7 +230,7 @@ class PlanarWalker:
 
     @cached_property
     def task(self) -> ControlTask:
-        """With the CLF of the file's outputs."""
+        """The task with the CLF of the file's outputs."""
         file, system, robot = self.file, self.system, self.robot
         outputs = OutputExpressions(robot.q, robot.dq, self.angles)
         symbols = ca.vertcat(packed(outputs.path), outputs.parameters["phase_scale"])

@@ -50,7 +50,7 @@ def outputs(w: Walking, p: Parameters) -> list[Constrained]:
 
 
 def rows_of_force(w: Walking, p: Parameters) -> Callable[[Affine], list[Rows]]:
-    """With the margin taken off the friction coefficient."""
+    """The rows of the forces, with the margin taken off the friction coefficient."""
     least, coeff = w.gains["min_normal_force"], w.gains["friction_coeff"] - w.gains["friction_margin"]
     return partial(force_rows, least=least, coeff=coeff, weight=FORCE_RESCUE_WEIGHT, is_literal=p.cone == "literal")
 
@@ -111,7 +111,7 @@ def make_tick(w: Walking, p: Parameters, further: Sequence[Constrained] = ()) ->
 
 
 def barriers_of(quantities: Sequence[Constrained]) -> dict[str, ca.SX]:
-    """Those that are barriers, by name."""
+    """The quantities that are barriers, by name."""
     return {barrier.name: barrier.B for barrier in quantities if isinstance(barrier, Barrier)}
 
 

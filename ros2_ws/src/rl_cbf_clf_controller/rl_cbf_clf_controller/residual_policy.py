@@ -42,7 +42,7 @@ class Memory:
 
     @classmethod
     def of(cls, n: int) -> "Memory":
-        """Nothing remembered."""
+        """A memory that remembers nothing."""
         dy, said = np.zeros((2, n, JOINTS))
         return cls(np.zeros((n, FRAME)), dy, said, np.full(n, NEVER), np.zeros(n, dtype=int))
 
@@ -71,7 +71,7 @@ class ResidualPolicy(Policy):
         """The residuals over `SCALE`, (N, JOINTS) in [-1, 1], of what is read of N robots, (N, READS)."""
 
     def estimate(self, scene: Scene, before: Estimates) -> Estimates:
-        """At a tick of one robot; `before`: of the identified robot."""
+        """The estimates at a tick of one robot; `before`: of the identified robot."""
         return self.of_many(self._memory, of_one(scene), Estimates.of_many([before]))[0]
 
     def of_many(self, memory: Memory, scene: Scene, before: Estimates) -> Estimates:

@@ -66,7 +66,7 @@ class Feet:
         self.function = NumpyFunction.of("feet", inputs, feet)
 
     def __call__(self, q_s: Array) -> Values:
-        """At coordinates in stance/swing order."""
+        """The numbers at coordinates in stance/swing order."""
         return self.function(q_s, *self.lengths)
 
 

@@ -46,7 +46,7 @@ def symbols(sizes: Mapping[str, int]) -> dict[str, ca.SX]:
 
 
 def ordered(values: ca.SX, swapped: Any, is_right: ca.SX) -> ca.SX:
-    """From left/right to stance/swing order, or back."""
+    """The values from left/right in stance/swing order, or back."""
     return ca.if_else(is_right, values[swapped.tolist()], values)
 
 

@@ -60,7 +60,7 @@ class PathExpressions:
         return ca.vertcat(ca.SX.zeros(SLIDES), TO_COORDINATES @ ca.vertcat(self.coeffs[:, -1], self.end))
 
     def row(self, correction: ca.SX | None = None, span: ca.SX | None = None, descent: ca.SX | None = None) -> ca.SX:
-        """In the order of `path_symbols`; the `correction` in powers (m, CORRECTION_POWERS)."""
+        """The path's numbers in the order of `path_symbols`; the `correction` in powers (m, CORRECTION_POWERS)."""
         m = self.coeffs.shape[0]
         numbers = {"powers": self.powers, "correction": ca.SX.zeros(m, CORRECTION_POWERS)}
         numbers |= {"correction_span": ca.SX([0, 1]), "descent": ca.SX.zeros(m)}
@@ -84,7 +84,7 @@ class Shape:
 
     @property
     def is_single(self) -> bool:
-        """Nothing is to choose."""
+        """Whether there is nothing to choose."""
         return self.lengths * self.slopes == 1
 
 
@@ -114,7 +114,7 @@ class GaitExpressions:
         return clipped(length, self.lengths[0], self.lengths[-1])
 
     def path(self, taken: ca.SX, wanted: ca.SX, slope: ca.SX) -> PathExpressions:
-        """From a step of `taken` into one of `wanted`, m, both for ground of `slope`, degrees."""
+        """The path from a step of `taken` into one of `wanted`, m, both for ground of `slope`, degrees."""
         first, last = self._at(taken, slope), self._at(wanted, slope)
         half, shape = self._points // 2, (self._points, JOINTS)
         begins, ends = (ca.reshape(numbers[: JOINTS * self._points], *shape).T for numbers in (first, last))

@@ -149,7 +149,7 @@ class TaskController(OneRobot):
         self.robots.policies[0] = self.estimating(policy)
 
     def estimating(self, controlling: Controlling) -> Policy:
-        """Whose estimates the QP takes."""
+        """The policy whose estimates the QP takes."""
         if isinstance(controlling, LearnedPolicy):
             return controlling
         return self._oracle if controlling == ORACLE else self._nominal
@@ -228,7 +228,7 @@ class TaskController(OneRobot):
         return None if self._without_qp else super().estimates
 
     def _decided_by(self, controller: Any, state: RobotState) -> ControllerOutput:
-        """By a controller that the task brings, which has no QP."""
+        """What a controller that the task brings decides; it has no QP."""
         task, x, p = self.task, x_of(self.task, state), p_of(state)
         seen, limit = task.tick.look(x, p), self.parameters.torque_limit
         u = np.asarray(controller(x, p), dtype=float).reshape(task.system.u.numel()).clip(-limit, limit)

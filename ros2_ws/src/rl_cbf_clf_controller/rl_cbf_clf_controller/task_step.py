@@ -91,7 +91,7 @@ def look_function(task: ControlTask, shown: dict[str, ca.SX], before: ca.SX) -> 
 
 
 def measured_over(terms: Terms, seconds: float) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """As `measuring`; NaN where one difference does not measure the quantities, so that nothing is learned."""
+    """The same as `measuring`; NaN where one difference does not measure the quantities, so that nothing is learned."""
     try:
         return measuring(terms, seconds)
     except ValueError:

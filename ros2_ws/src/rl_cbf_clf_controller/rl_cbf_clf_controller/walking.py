@@ -45,7 +45,7 @@ class Walking:
 
     @cached_property
     def system(self) -> System:
-        """With the state (q, q') in stance/swing order and the torque as its input."""
+        """The system with the state (q, q') in stance/swing order and the torque as its input."""
         further = {**self.outputs.parameters, **vars(self.stone), "force": self.force, "step_length": self.step_length}
         return self.robot.system({**further, "held": self.held, **self.gains}, self.outputs.rates)
 

@@ -72,7 +72,7 @@ class RewardCritic(nn.Module):
         return self.network(torch.cat([*seen, x / self.mu_unit], 1))
 
     def steady_slopes(self, share: float) -> None:
-        """Nothing here varies with the state that should not."""
+        """Does nothing: here nothing varies with the state that should not."""
 
 
 class AffineCritic(RewardCritic):

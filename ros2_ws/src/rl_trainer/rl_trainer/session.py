@@ -63,6 +63,6 @@ def tensorboard(folder: Path, first: int) -> Iterator[Callable[[EpisodeReport], 
 
 
 def tell_of_thread(told: threading.ExceptHookArgs) -> None:
-    """Not of TensorBoard's: what ends its thread, as a full disk does, is raised again where an episode is logged."""
+    """Tells of a thread's error, unless it is TensorBoard's, whose end is raised again where an episode is logged."""
     if not type(told.thread).__module__.startswith("tensorboard."):
         threading.__excepthook__(told)

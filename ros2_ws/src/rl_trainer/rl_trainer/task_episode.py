@@ -58,7 +58,7 @@ class Ride:
         return self.barriers.min(axis=0)
 
     def end(self, simulation: TaskSimulation, last: RobotState) -> None:
-        """It ended in this state."""
+        """Ends the ride in this state."""
         self.impacts = last.touchdowns
         if last.running:  # the controller gave up
             self.outcome, self.reason = "no answer", self.moments[-1].output.fault

@@ -61,7 +61,7 @@ def measured_problem(task: ControlTask, seed: int) -> Problem:
 
 
 def transitions_of(ride: Ride, problem: Problem) -> list[Transition]:
-    """Those of a ride that were measured; the units of the problem need not be known yet."""
+    """The transitions of a ride that were measured; the units of the problem need not be known yet."""
     ones = (1.0,) * len(problem.quantities)
     known = replace(problem, alpha_scale=ones, beta_scale=ones, error_scale=ones)
     builder = TransitionBuilder(TrainingParameters(problem=known))

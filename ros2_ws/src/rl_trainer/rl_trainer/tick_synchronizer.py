@@ -93,7 +93,7 @@ class TickSynchronizer:
         return self._events()
 
     def give_up(self) -> list[Event]:
-        """Nothing more will come of the oldest open episode: what is missing is lost."""
+        """Gives up what is missing of the oldest open episode: nothing more will come."""
         if self._open:
             walk = self._open[min(self._open)]
             if walk.last is None:

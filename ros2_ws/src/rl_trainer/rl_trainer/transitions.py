@@ -158,7 +158,7 @@ class TransitionBuilder:
 
 
 def has_fallen(state: RobotState, p: TrainingParameters) -> bool:
-    """By its pose; a state without feet is a control task's, which has none."""
+    """Whether its pose is a fall; a state without feet is a control task's, which has none."""
     return bool(state.foot_force.size) and bool(state.q[1] < p.fall_height or abs(state.q[2]) > p.fall_pitch)
 
 

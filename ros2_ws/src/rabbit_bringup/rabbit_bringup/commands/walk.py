@@ -91,7 +91,7 @@ def with_foreign_controller(options: WalkOptions, given: Given) -> tuple[WalkOpt
 
 
 def assembly_of_nodes(given: Given, policy: str | None, parameters: str) -> Any:
-    """As `given_assembly`, but without the oracle: the nodes never see the true plant."""
+    """The same as `given_assembly`, but without the oracle: the nodes never see the true plant."""
     return given_assembly(given, policy, parameters, oracle=False)
 
 

@@ -83,7 +83,7 @@ class Processes:
 
     @contextlib.contextmanager
     def ended_at_last(self) -> Iterator[None]:
-        """At the end all nodes end, those that others listen to first. A signal before makes `check` raise.
+        """Ends all nodes at the end, those that others listen to first. A signal before makes `check` raise.
 
         A later one, or one while they end, ends them at once. No signal raises by itself: an exception out of the
         middle of a callback or a destructor may be lost.

@@ -89,7 +89,7 @@ class WalkSettings(Checked):
 
     @classmethod
     def of(cls, assembly: Any, folder: Path, options: WalkOptions, **more: Any) -> "WalkSettings":
-        """Those of an `Assembly`."""
+        """The settings of an `Assembly`."""
         parts = {name: getattr(assembly, name) for name in ("simulation", "controller", "policy")}
         return cls(folder=folder, options=options, **parts, **more)
 
@@ -110,7 +110,7 @@ class WalkSettings(Checked):
 
     @property
     def parameter_file(self) -> Path:
-        """From which the nodes take their parameters."""
+        """The file from which the nodes take their parameters."""
         return self.folder / "parameters.yaml"
 
     def arguments(self, name: str) -> list[str]:
@@ -121,7 +121,7 @@ class WalkSettings(Checked):
         return ["--ros-args", "--params-file", str(self.parameter_file), *paused, *remaps, *level, *enclave]
 
     def parameters(self) -> dict[str, dict[str, Any]]:
-        """Those of the nodes, by node."""
+        """The nodes' parameters, by node."""
         options, simulation, controller = self.options, self.simulation.model_dump(), self.controller.model_dump()
         of_task = {"task": options.task}
         priority, problem = {"priority": options.priority}, str(self.controller.problem)

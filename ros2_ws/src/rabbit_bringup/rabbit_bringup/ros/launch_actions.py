@@ -23,7 +23,7 @@ SWITCH = {"true": True, "1": True, "false": False, "0": False}
 
 
 def arguments(**more: tuple[str, str]) -> list[DeclareLaunchArgument]:
-    """Those that `node` reads, and `more`: defaults and descriptions by name."""
+    """The arguments that `node` reads, and `more`: defaults and descriptions by name."""
     every = {**OF_EVERY_NODE, **more}
     return [DeclareLaunchArgument(n, default_value=default, description=text) for n, (default, text) in every.items()]
 
@@ -61,7 +61,7 @@ def given_of(words: Mapping[str, str], defaults: Defaults, *models: type[BaseMod
 
 
 def switch(name: str, said: str) -> bool:
-    """On or off; raises RuntimeError."""
+    """Whether a switch is on; raises RuntimeError."""
     if said.lower() not in SWITCH:
         raise RuntimeError(f"{name}:={said}: expected true or false")
     return SWITCH[said.lower()]

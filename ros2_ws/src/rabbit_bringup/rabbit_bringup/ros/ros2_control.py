@@ -120,7 +120,7 @@ class HardwareNode(SimulatorNode):
         """The sensors set it."""
 
     def _go_on(self) -> None:
-        """As they do."""
+        """Goes on as they do."""
 
     def _tick(self) -> None:
         """The sensors say how the tick has ended."""

@@ -48,7 +48,7 @@ class CheckedNode(Node):
         return self.create_subscription(kind, topic, take, qos, raw=True)
 
     def create_subscription(self, msg_type: Any, topic: str, callback: Any, qos_profile: Any, **named: Any) -> Any:
-        """As rclpy does, with deadline and liveliness where parameters give them."""
+        """Subscribes as rclpy does, with deadline and liveliness where parameters give them."""
         with self._watched(topic, "subscription", SubscriptionEventCallbacks, qos_profile) as (qos, watched):
             return super().create_subscription(msg_type, topic, callback, qos, **named, **watched)
 

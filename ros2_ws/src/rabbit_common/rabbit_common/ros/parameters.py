@@ -101,7 +101,7 @@ def _said(value: Any, info: FieldInfo) -> Any:
 
 
 def _descriptor(schema: dict[str, Any], dynamic: bool) -> ParameterDescriptor:
-    """From a field's JSON schema; of open bounds the limit itself (the model's check is the stricter one)."""
+    """The descriptor of a field's JSON schema; of open bounds the limit itself (the model's check is stricter)."""
     descriptor = ParameterDescriptor(description=schema.get("description", ""), read_only=not dynamic)
     if choices := schema.get("enum"):
         descriptor.additional_constraints = f"one of {', '.join(choices)}"

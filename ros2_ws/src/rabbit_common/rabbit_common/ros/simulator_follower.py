@@ -35,7 +35,7 @@ class SimulatorFollower(CheckedNode):
         steady_timer(self, LOOK_SECONDS, self._follow_other)
 
     def _hear_simulator(self, kind: Any, topic: str, callback: Callable[[Any], None], qos: QoSProfile) -> Subscription:
-        """As `_hear`, a topic of simulators."""
+        """Hears, as `_hear` does, a topic of simulators."""
 
         def take(message: Any) -> None:
             self._check_simulator(message)

@@ -20,7 +20,7 @@ A_TICK, IN_LAB = "1 a tick", "1 a tick, lab"
 
 
 def type_name(kind: Any) -> str:
-    """As in `rabbit_msgs/msg/RobotState`."""
+    """The type's name, as in `rabbit_msgs/msg/RobotState`."""
     return "/".join((*kind.__module__.split(".")[:2], kind.__name__))
 
 

@@ -170,7 +170,7 @@ class EstimatorNode(SimulatorFollower):
         return True
 
     def _give_up(self, message: StateMessage, reason: str) -> None:
-        """Nothing is known of the state until the next episode begins."""
+        """Gives the state up: nothing is known of it until the next episode begins."""
         self.get_logger().error(reason)
         self._lost = message.episode
 

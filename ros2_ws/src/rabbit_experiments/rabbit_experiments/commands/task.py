@@ -190,7 +190,7 @@ def show(task: "ControlTask", summary: dict[str, Any]) -> None:
 
 
 def interval(ends: tuple[float, float] | None, digits: int) -> str:
-    """As in (0.72, 1.00)."""
+    """An interval in words, as in (0.72, 1.00)."""
     return f"({ends[0]:.{digits}f}, {ends[1]:.{digits}f})" if ends else ""
 
 

@@ -53,7 +53,7 @@ def play(path: Path, rate: float = 1.0, namespace: str = "", delay: float = 1.0)
 
 
 def _publisher(node: Node, topic: str, kind: str, connection: Connection, namespace: str) -> Any:
-    """With the QoS that was offered when it was recorded."""
+    """A publisher with the QoS that was offered when the topic was recorded."""
     assert isinstance(connection.ext, ConnectionExtRosbag2)
     profile = QoSProfile(depth=LEAST_DEPTH)
     for offered in connection.ext.offered_qos_profiles[:1]:

@@ -36,7 +36,7 @@ class ExampleError(ValueError):
 
 
 def check_plant(parameters: SimulationParameters) -> None:
-    """It may have other masses, links, ground and the lab's sensors; raises ExampleError for all else."""
+    """Checks that only masses, links, ground and the lab's sensors differ; raises ExampleError for all else."""
     if parameters.plant != "mujoco":
         raise ExampleError(f"plant = {parameters.plant}: expected mujoco, in which the example walks")
     acting = [p for p in parameters.in_force() if any(map(p.has, HOOKS)) and not isinstance(p, WALKED)]

@@ -179,5 +179,5 @@ def mean_specific_force(path: Array, fall: tuple[float, float]) -> Array:
 
 
 def rounded(angles: Array, step: float) -> Array:
-    """To multiples of `step`."""
+    """The angles rounded to multiples of `step`."""
     return step * np.round(angles / step)

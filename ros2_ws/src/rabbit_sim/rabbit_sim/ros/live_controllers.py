@@ -80,7 +80,7 @@ class ControllerAdmission:
         raise Refused("another controller", f"{named(sender)}; this episode is walked by {named(self.controller)}")
 
     def admit(self, message: TorqueCommand) -> str:
-        """Its torque is sound. Returns why it ends the episode; empty: it acts."""
+        """Admits a sound torque. Returns why it ends the episode; empty: it acts."""
         before, has_answered = self.controller, self._has_answered
         self.controller, self._has_answered, self._last = message.sender, True, message
         if message.fault or message.sender == before or not has_answered:
@@ -103,7 +103,7 @@ def named(sender: str | None) -> str:
 
 
 class Wait:
-    """For a torque or a plan. Time in which this process itself stood still does not count."""
+    """Waits for a torque or a plan. Time in which this process itself stood still does not count."""
 
     def __init__(self) -> None:
         self._looked = time.monotonic()

@@ -56,7 +56,7 @@ class Publishers:
 
     @property
     def figures(self) -> dict[str, float]:
-        """For diagnostics."""
+        """The figures for diagnostics."""
         return {}
 
     def begin(self, e: Episode) -> None:
@@ -186,7 +186,7 @@ class RabbitPublishers(Publishers):
         super().again(state, episode, at)
 
     def _state(self, state: RobotState, episode: int, at: Header) -> None:
-        """With a lab's sensors in three parts."""
+        """Publishes a state; with a lab's sensors in three parts."""
         super()._state(state, episode, at)
         if self._joints and state.sensors:
             self._joints.publish(encoder_message(state.sensors, at, state.applied))

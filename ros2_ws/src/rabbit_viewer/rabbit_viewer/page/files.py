@@ -77,5 +77,5 @@ def text(name: str) -> str:
 
 
 def in_base64(data: bytes) -> str:
-    """As text."""
+    """The data as text."""
     return base64.b64encode(data).decode()

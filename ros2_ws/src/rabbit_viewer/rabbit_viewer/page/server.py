@@ -67,7 +67,7 @@ log.propagate = False
 
 
 def log_error(_: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-    """For an event loop: an error that nobody waits for."""
+    """Logs, for an event loop, an error that nobody waits for."""
     log.error(context["message"], exc_info=context.get("exception"))
 
 
@@ -193,6 +193,6 @@ class PageServer:
 
 
 def refused(text: Any) -> str:
-    """On one line, not longer than a line."""
+    """The text on one line, not longer than a line."""
     line = " ".join(str(text).split())
     return line if len(line) <= 300 else f"{line[:297]}..."

@@ -51,6 +51,6 @@ ASKED: TypeAdapter[Asked] = TypeAdapter(Asked)
 
 @dataclass(frozen=True)
 class Learned:
-    """Not from a browser: the file of a policy that was learned next to the walk."""
+    """The file of a policy that was learned next to the walk; it comes from no browser."""
 
     path: str

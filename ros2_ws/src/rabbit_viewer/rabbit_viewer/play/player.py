@@ -59,7 +59,7 @@ class Player(playing.Playing):
 
     @property
     def robots(self) -> dict[str, Walker]:
-        """By the setting that chose them."""
+        """The walkers by the setting that chose them."""
         return dict(zip(ROBOTS, self.walkers, strict=False))
 
     def close(self) -> None:

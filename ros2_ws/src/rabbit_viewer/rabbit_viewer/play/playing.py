@@ -65,7 +65,7 @@ class Playing(ABC):
 
     @abstractmethod
     def make_walkers(self, settings: Any) -> tuple[Sequence[Shown], dict[str, Any]]:
-        """Those that are played under the settings, and what the page is told; raises one of `unusable`."""
+        """The walkers that these settings play, and what the page is told; raises one of `unusable`."""
 
     @abstractmethod
     def set(self, settings: Any) -> None:
@@ -89,7 +89,7 @@ class Playing(ABC):
 
     @property
     def seconds(self) -> float:
-        """From one tick to the next."""
+        """The time from one tick to the next."""
         return self.tick_seconds / self.speed
 
     def reset(self) -> None:

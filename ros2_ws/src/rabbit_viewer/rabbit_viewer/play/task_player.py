@@ -150,7 +150,7 @@ class PlayedRide:
         self.outcome = self._ride.outcome
 
     def explain(self, tick: int) -> list[str]:
-        """In words; raises ValueError."""
+        """Explains a tick in words; raises ValueError."""
         return explain_ride(self._ride, tick).lines()
 
 

@@ -84,7 +84,7 @@ class Walker:
 
     @property
     def records(self) -> WalkRecords:
-        """Its last ticks, which are kept, for a film: how it ended and why in words."""
+        """The walker's last ticks, which are kept, for a film: how it ended and why in words."""
         why = str(self.ended.get("reason", ""))
         title = f"{self.about['title']}; {plant_in_words(self.about)}"
         about = {**self.about, "title": title, "outcome": self.outcome, "reason": why}

@@ -23,7 +23,7 @@ from rl_cbf_clf_controller.task_controller import NOMINAL, ORACLE, TaskControlle
 
 
 class Answerer(ABC):
-    """With a controller. `built_in`: its policies by name; `fit`: what it makes of a policy's file."""
+    """Answers with a controller. `built_in`: its policies by name; `fit`: what it makes of a policy's file."""
 
     controller: Controller | TaskController
     built_in: dict[str, CheckedPolicy]
@@ -55,12 +55,12 @@ class Answerer(ABC):
         return terms_fields(output) if output.quantities else None
 
     def figures(self) -> dict[str, object]:
-        """For diagnostics."""
+        """The figures for diagnostics."""
         return {}
 
 
 class RabbitAnswerer(Answerer):
-    """With the controller of RABBIT."""
+    """Answers with the controller of RABBIT."""
 
     controller: Controller
 
@@ -84,7 +84,7 @@ class RabbitAnswerer(Answerer):
 
 
 class TaskAnswerer(Answerer):
-    """With a task's controllers, by name, and policies."""
+    """Answers with a task's controllers, by name, and policies."""
 
     controller: TaskController
 

@@ -53,7 +53,7 @@ NOT_MEASURED = np.zeros(0)
 
 
 class RobotParameters(policies.NodeParameters):
-    """Those of a task's controller, and what the robot speaks."""
+    """The parameters of a task's controller, and what the robot speaks."""
 
     task: str = Field("", description=ABOUT_TASK)
     input: Literal["joint_states", "odom"] = Field("joint_states", description="what says the state")
@@ -113,7 +113,7 @@ class RobotControllerNode(CheckedNode):
         self._take(message.header, *joints_of(message, self.task.names_of_q))
 
     def _on_odometry(self, message: Odometry) -> None:
-        """In the world; the message has the twist in the robot's frame."""
+        """Takes the base's state in the world; the message has the twist in the robot's frame."""
         pose, twist = message.pose.pose, message.twist.twist
         yaw = yaw_of(pose.orientation)
         forward, left = twist.linear.x, twist.linear.y

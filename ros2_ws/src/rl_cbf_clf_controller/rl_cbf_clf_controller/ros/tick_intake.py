@@ -84,11 +84,11 @@ class TickIntake:
         return early
 
     def keep_preview(self, message: PreviewMessage) -> None:
-        """For the state that needs it; raises `Refused`."""
+        """Keeps it for the state that needs it; raises `Refused`."""
         self._previews.add(message.episode, preview_of(message), nanoseconds(message.header.stamp), self.turn[0])
 
     def keep_parameters(self, message: TaskParameters) -> None:
-        """For the state of the same tick; raises `Refused`."""
+        """Keeps them for the state of the same tick; raises `Refused`."""
         assert self._task
         self._parameters[message.episode, message.tick] = parameters_of(self._task, message)
         if len(self._parameters) > NEWEST:
@@ -117,7 +117,7 @@ class TickIntake:
 
 
 class PreviewBuffer:
-    """By episode, index of the stone and stamp, ns."""
+    """Keeps previews by episode, index of the stone and stamp, ns."""
 
     def __init__(self) -> None:
         self._episodes: dict[int, dict[int, dict[int, StonePreview]]] = {}

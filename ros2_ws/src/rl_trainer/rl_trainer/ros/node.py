@@ -209,7 +209,7 @@ class TrainerNode(SimulatorFollower):
 
 
 def make_trainer(training: TrainingParameters, parameters: NodeParameters) -> Trainer:
-    """From scratch or from a policy; raises `ParameterError`, `PolicyFileError`."""
+    """Makes a trainer from scratch or from a policy; raises `ParameterError`, `PolicyFileError`."""
     try:
         plant = json.loads(parameters.plant)
     except ValueError as error:
