@@ -50,7 +50,7 @@ p_value = binomtest(only[0], sum(only)).pvalue if sum(only) else 1.0
 print(f"only learned: {only[0]}, only nominal: {only[1]}, p = {p_value:.2g}")
 
 # %% 7. One course with all its ticks, by both controllers
-one, other = (record_walk(each, seeds[0]) for each in (learned, nominal))
+one, other = (record_walk(assembly, seeds[0]) for assembly in (learned, nominal))
 
 # %% 8. The estimates against the measured errors, some time after each impact (1: as bad as none)
 late = np.flatnonzero((one.phase[:-1] > 0.2) & (np.diff(one.step_index) == 0))

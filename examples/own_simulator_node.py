@@ -22,7 +22,7 @@ def announce(phase: int, tick: int, outcome: str = "") -> None:
 def step(command: TorqueCommand) -> None:
     if not state.running or (command.episode, command.tick) != (1, state.tick):
         return  # an answer that came already
-    q, dq, torque = (np.array(each) for each in (state.q, state.dq, command.torque))
+    q, dq, torque = (np.array(values) for values in (state.q, state.dq, command.torque))
     hanging = q[3:] + [0, q[3], 0, q[5]]  # rad, from the vertical
     dq[3:] += TICK * (torque - DAMPING * dq[3:] - WEIGHT * np.sin(hanging)) / INERTIA
     state.tick, state.q, state.dq, state.applied = state.tick + 1, (q + TICK * dq).tolist(), dq.tolist(), command.torque

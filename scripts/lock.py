@@ -36,8 +36,8 @@ def added(source: str, *locks: str) -> list[str]:
     text = "".join((REQUIREMENTS / lock).read_text() for lock in locks)
     known = {*re.findall(r"^\S+?==", text, flags=re.MULTILINE)}
     packages = compile_lock(source, "build.txt", "torch.in", *locks)
-    mine = [each for each in packages if not (TORCH.match(each) or CUDA.match(each))]
-    return [each for each in mine if each[: each.index("==") + 2] not in known]
+    mine = [package for package in packages if not (TORCH.match(package) or CUDA.match(package))]
+    return [package for package in mine if package[: package.index("==") + 2] not in known]
 
 
 def main() -> None:

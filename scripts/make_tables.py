@@ -120,7 +120,7 @@ def main() -> None:
         ship(tables[name], runs / name, docs)
         about = {"commit": code, "date": f"{datetime.now(UTC):%Y-%m-%d}", "seconds": seconds[f"{name} {code}"]}
         about |= {"cores": os.cpu_count(), "versions": versions()}
-        made[name] = about | {each: tables[name][each] for each in ("seeds", "command")}
+        made[name] = about | {key: tables[name][key] for key in ("seeds", "command")}
     replace_text(docs / MADE, json.dumps(made, indent=1) + "\n")
 
 

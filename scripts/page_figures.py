@@ -31,7 +31,7 @@ def made(text: str, page: Page) -> str:
     """The text with the figures of the tables; raises `FigureError`."""
     for fragment in page.fragments:
         found = _fragment(fragment, text)
-        figures = [each for each in FIGURE.findall(fragment) if each != "#"]
+        figures = [figure for figure in FIGURE.findall(fragment) if figure != "#"]
         for number, figure in reversed(list(enumerate(figures, 1))):
             text = text[: found.start(number)] + figure + text[found.end(number) :]
     for name, block in page.blocks.items():
@@ -43,7 +43,7 @@ def made(text: str, page: Page) -> str:
 def _fragment(fragment: str, text: str) -> re.Match[str]:
     """Where it is, whatever its figures; a group for each that the tables give."""
     words = map(_words, FIGURE.split(fragment))
-    holes = [f"(?:{NUMBER})" if each == "#" else f"({NUMBER})" for each in FIGURE.findall(fragment)]
+    holes = [f"(?:{NUMBER})" if figure == "#" else f"({NUMBER})" for figure in FIGURE.findall(fragment)]
     return _once("".join(part for pair in zip(words, [*holes, ""], strict=True) for part in pair), fragment, text)
 
 
@@ -65,6 +65,6 @@ def _once(pattern: str, what: str, text: str) -> re.Match[str]:
 if __name__ == "__main__":
     from shipped_figures import pages
 
-    for name, each in pages().items():
+    for name, page in pages().items():
         path = ROOT / name
-        path.write_text(made(path.read_text(encoding="utf-8"), each), encoding="utf-8")
+        path.write_text(made(path.read_text(encoding="utf-8"), page), encoding="utf-8")

@@ -61,7 +61,7 @@ def commands() -> str:
         parts.append(f"## rabbit {name}\n")
         if nested:
             parts.append(f"{summary(entry)}\n")
-            parts += [one_command(f"{name} {inner}", each, "###") for inner, each in nested.items()]
+            parts += [one_command(f"{name} {inner}", subcommand, "###") for inner, subcommand in nested.items()]
         else:
             parts.append(one_command(name, command))
     return "\n".join(parts)
@@ -70,9 +70,9 @@ def commands() -> str:
 def one_command(name: str, command: Any, heading: str = "") -> str:
     """A command's help text and the table of what it takes."""
     context = command.make_context(name, [], resilient_parsing=True)
-    for each in command.params:
-        each.hidden = False  # as in --help-all
-    records = [each.get_help_record(context) for each in command.params]
+    for parameter in command.params:
+        parameter.hidden = False  # as in --help-all
+    records = [parameter.get_help_record(context) for parameter in command.params]
     rows: list[tuple[str, ...]] = [(code(record[0]), record[1]) for record in records if record]
     title = f"{heading} rabbit {name}\n\n" if heading else ""
     return f"{title}{(command.help or '').strip()}\n\n{table(('option', 'meaning'), rows)}\n"
@@ -93,10 +93,10 @@ def parameter(name: str, field: FieldInfo) -> tuple[str, ...]:
     default = field.get_default(call_default_factory=True, validated_data={})
     signs = {"ge": ">=", "gt": ">", "le": "<=", "lt": "<"}
     bounds = [
-        f"{sign} {getattr(each, name)}"
-        for each in field.metadata
+        f"{sign} {getattr(constraint, name)}"
+        for constraint in field.metadata
         for name, sign in signs.items()
-        if hasattr(each, name)
+        if hasattr(constraint, name)
     ]
     short = kind.replace("typing.", "").replace("Literal", "")
     about = ", ".join(code(text) for text in (short, repr(default), *bounds))
@@ -127,9 +127,9 @@ def topics() -> str:
 def services() -> str:
     """The services of the graph."""
     rows = [
-        (code(each.name), code(name.replace("/srv", "")), each.node, each.does or about(name))
-        for each in SERVICES
-        for name in (type_name(each.type),)
+        (code(service.name), code(name.replace("/srv", "")), service.node, service.does or about(name))
+        for service in SERVICES
+        for name in (type_name(service.type),)
     ]
     return table(("service", "type", "node", "does"), rows)
 
@@ -153,10 +153,10 @@ def modules(package: str) -> Iterator[str]:
     """Names of a package's modules, without those of its commands and nodes."""
     yield package
     found = importlib.import_module(package)
-    for each in pkgutil.walk_packages(found.__path__, f"{package}."):
-        parts = each.name.split(".")
+    for module in pkgutil.walk_packages(found.__path__, f"{package}."):
+        parts = module.name.split(".")
         if not {"ros", "commands"} & set(parts) and not any(part.startswith("_") for part in parts):
-            yield each.name
+            yield module.name
 
 
 def api(package: str) -> str:

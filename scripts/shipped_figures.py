@@ -53,9 +53,9 @@ def pages() -> dict[str, Page]:
 
 def readme() -> Page:
     """What is said first."""
-    best, tuned = ({each: of_masses(*each, who) for each in MASSES} for who in ("best", "nominal_tuned"))
+    best, tuned = ({case: of_masses(*case, who) for case in MASSES} for who in ("best", "nominal_tuned"))
     half, half_in_pybullet, twice, twice_in_pybullet, thrice, thrice_in_pybullet = MASSES
-    scales = [float(plant.split()[-1]) for plant, each in gains().items() if "kg" not in plant and each[TUNED][0] >= 18]
+    scales = [float(plant.split()[-1]) for plant, row in gains().items() if "kg" not in plant and row[TUNED][0] >= 18]
     (every, nominal, learned, _), beyond = rides()
     return Page(
         [
@@ -85,19 +85,19 @@ def readme() -> Page:
 def results() -> Page:
     """The page of results."""
     counts, ((every, nominal, learned, _), beyond) = verdicts(), rides()
-    on_stones = [large(each, *MAPS, terrains=STONES) for each in ("best", "best-nominal")]
-    reported = {each: large(each, "reported") for each in ("best", "ppo", "dagger", "sac", "mixture")}
-    care = [each.lstrip("+") for each in interval(LARGE, "best", "best-before", "reported", terrains=STONES)]
+    on_stones = [large(method, *MAPS, terrains=STONES) for method in ("best", "best-nominal")]
+    reported = {method: large(method, "reported") for method in ("best", "ppo", "dagger", "sac", "mixture")}
+    care = [number.lstrip("+") for number in interval(LARGE, "best", "best-before", "reported", terrains=STONES)]
     p = p_values(LARGE, "best")
     mixture = f"{p.pop('mixture'):.1g}" if p else "#"
-    least = next((each for each in ("0.001", "0.01", "0.05") if max(p.values()) < float(each)), "1") if p else "#"
+    least = next((bound for bound in ("0.001", "0.01", "0.05") if max(p.values()) < float(bound)), "1") if p else "#"
     return Page(
         [
             f"the paper's {counts['claims']} claims hold?** {counts['reproduced']}, and {counts['partly']} in part; "
             f"{counts['not']} do not, and {counts['shows nothing']} show nothing. Of the {counts['reproduced']}, "
             f"{counts['fallen']} fall",
             f"does not, at any of {len(gains())} masses and payloads. `best`, which identifies the robot, walks all "
-            f"{sum(each[BEST][0] for each in gains().values())} courses of one seed there and, at thrice the mass, "
+            f"{sum(counts[BEST][0] for counts in gains().values())} courses of one seed there and, at thrice the mass, "
             f"{of_masses('pybullet', '3', 'best')} of 200 of another",
             f"`best` walks [{unseen('best', 'unseen')} of {courses('unseen_mujoco', 'unseen')} courses]",
             f"a tuned nominal controller {unseen('nominal-tuned', 'unseen')}.",
@@ -138,18 +138,18 @@ def paper() -> Page:
 def structure() -> Page:
     """The page on uncertain structure."""
     every = courses("unseen_mujoco", "unseen")
-    walks = {each: unseen(each, "unseen") for each in (*UNSEEN, "mixture")}
-    beside = {each: points("unseen_mujoco", each, "nominal-tuned", "unseen") for each in walks}
+    walks = {method: unseen(method, "unseen") for method in (*UNSEEN, "mixture")}
+    beside = {method: points("unseen_mujoco", method, "nominal-tuned", "unseen") for method in walks}
     on_stones, on_flat = (
-        points("unseen_mujoco", "best", "nominal-tuned", "unseen", terrains=each) for each in (STONES, FLAT)
+        points("unseen_mujoco", "best", "nominal-tuned", "unseen", terrains=terrain) for terrain in (STONES, FLAT)
     )
-    coarse = [table("unseen_mujoco").walked(each, ["stones/coarse-encoders"]) for each in ("best", "best-before")]
+    coarse = [table("unseen_mujoco").walked(method, ["stones/coarse-encoders"]) for method in ("best", "best-before")]
     order = ("best", "nominal-tuned", "best-before", "oracle-slopes", "dagger", "ppo")
     carried = interval("unseen_mujoco", "best", "best-before", "unseen")
     student = interval("unseen_mujoco", "dagger", "best", "unseen")
-    counts = [f"**{walks[each]}**" if each == "dagger" else str(walks[each]) for each in order]
-    less = ["" if each == "nominal-tuned" else beside[each] for each in order]
-    in_pybullet = [walked("unseen_pybullet", each, "unseen") for each in order[:2]]
+    counts = [f"**{walks[method]}**" if method == "dagger" else str(walks[method]) for method in order]
+    less = ["" if method == "nominal-tuned" else beside[method] for method in order]
+    in_pybullet = [walked("unseen_pybullet", method, "unseen") for method in order[:2]]
     return Page(
         [
             f"{walks['best']} and {walks['nominal-tuned']} of {every} courses, and",
@@ -176,8 +176,8 @@ def walks_of_families() -> list[str]:
     every = courses("unseen_mujoco", "unseen")
     unseen_ = unseen("best", "unseen"), unseen("nominal-tuned", "unseen")
     shares = [
-        signed((harm("best", "reported", terrains=each) - harm("nominal-tuned", "reported", terrains=each)) / 200)
-        for each in (STONES, FLAT)
+        signed((harm("best", "reported", terrains=terrain) - harm("nominal-tuned", "reported", terrains=terrain)) / 200)
+        for terrain in (STONES, FLAT)
     ]
     return [
         f"a gait for flat ground, found in the same way | {every} | {harm('best', 'reported')} | "
@@ -192,12 +192,10 @@ def walks_of_families() -> list[str]:
 
 def network_beside() -> list[str]:
     """The mixture."""
-    lost = [
-        large("best", "outside", terrains=each) - large("mixture", "outside", terrains=each) for each in (STONES, FLAT)
-    ]
+    lost = [large("best", "outside", terrains=on) - large("mixture", "outside", terrains=on) for on in (STONES, FLAT)]
     difference = [signed((large("mixture", *MAPS) - large("best", *MAPS)) / courses(LARGE, *MAPS), 1), "#", "#"]
     if pair := table(LARGE).paired("mixture", "best", where(*MAPS)):
-        difference = [signed(each, 1) for each in pair.difference]
+        difference = [signed(end, 1) for end in pair.difference]
     return [
         f"Beside the tuned nominal controller that is {points('unseen_mujoco', 'mixture', 'nominal-tuned', 'unseen')}, "
         f"beside `dagger` {points('unseen_mujoco', 'mixture', 'dagger', 'unseen')}.",
@@ -224,9 +222,9 @@ def tuning() -> Page:
 
 def learning() -> Page:
     """What learning gains against a better gain."""
-    best = [sum(each[BEST][engine] for each in gains().values()) for engine in (0, 1)]
+    best = [sum(counts[BEST][engine] for counts in gains().values()) for engine in (0, 1)]
     more = [
-        sum(each[PAPER][engine] > max(each[TUNED][engine], each[HIGH_GAIN][engine]) for each in gains().values())
+        sum(row[PAPER][engine] > max(row[TUNED][engine], row[HIGH_GAIN][engine]) for row in gains().values())
         for engine in (0, 1)
     ]
     assert best[0] == best[1]

@@ -65,8 +65,8 @@ def interval(name: str, this: str, other: str, *maps: Map, terrains: Sequence[st
     """How many more of a hundred courses one walks than another, and its 95% interval; `#` as on a page."""
     pair = table(name).paired(this, other, where(*maps, terrains=terrains))
     if pair:
-        return [signed(each) for each in pair.difference]
-    one, two = (walked(name, each, *maps, terrains=terrains) for each in (this, other))
+        return [signed(share) for share in pair.difference]
+    one, two = (walked(name, who, *maps, terrains=terrains) for who in (this, other))
     return [signed((one - two) / courses(name, *maps, terrains=terrains)), "#", "#"]
 
 
@@ -83,24 +83,24 @@ def signed(share: float, digits: int = 0) -> str:
 
 def p_values(name: str, reference: str) -> dict[str, float]:
     """McNemar's with Holm's correction, by method; empty where a row does not say how each course ended."""
-    others = [each for each in table(name).methods if each != reference]
-    pairs = [table(name).paired(each, reference, where(*MAPS)) for each in others]
+    others = [who for who in table(name).methods if who != reference]
+    pairs = [table(name).paired(who, reference, where(*MAPS)) for who in others]
     known = [pair.p_value for pair in pairs if pair]
     return dict(zip(others, holm(known), strict=True)) if len(known) == len(pairs) else {}
 
 
 def large_table(name: str) -> str:
     """Courses walked by each method on each map."""
-    head, lines, maps = ["method"], [], [each for each in MAPS if courses(name, each)]
+    head, lines, maps = ["method"], [], [region for region in MAPS if courses(name, region)]
     for terrain in TERRAINS:
-        for number, each in enumerate(maps):
-            size = courses(name, each, terrains=(terrain,))
-            is_new = each in ("inside", "outside") or (each == "storm")
-            head.append(("" if number else f"{terrain}: ") + each + (f", of {size}" if is_new else ""))
+        for number, region in enumerate(maps):
+            size = courses(name, region, terrains=(terrain,))
+            is_new = region in ("inside", "outside") or (region == "storm")
+            head.append(("" if number else f"{terrain}: ") + region + (f", of {size}" if is_new else ""))
     rows = table(name)
     for who in rows.methods:
-        there = [where(each, terrains=(terrain,)) for terrain in TERRAINS for each in maps]
-        line = [str(rows.walked(who, each)) if rows.courses(who, each) else "" for each in there]
+        there = [where(region, terrains=(terrain,)) for terrain in TERRAINS for region in maps]
+        line = [str(rows.walked(who, chosen)) if rows.courses(who, chosen) else "" for chosen in there]
         lines.append([method(who).title, *line, f"{walked(name, who, *maps):,}" if all(line) else ""])
     return markdown_table([*head, f"all, of {courses(name, *maps):,}"], lines)
 
@@ -108,7 +108,7 @@ def large_table(name: str) -> str:
 def unseen_table() -> str:
     """Courses walked of each unseen family."""
     lines = [
-        [f"`{each}`", *(str(table("unseen_mujoco").walked(one, [each])) for one in UNSEEN)] for each in where("unseen")
+        [f"`{cell}`", *(str(table("unseen_mujoco").walked(one, [cell])) for one in UNSEEN)] for cell in where("unseen")
     ]
     return markdown_table(["family, of 40, MuJoCo", *UNSEEN.values()], lines)
 
@@ -144,7 +144,7 @@ NOMINAL, TUNED, HIGH_GAIN, PAPER, _, BEST = GAINS = [
 
 def gains_table() -> str:
     """Courses walked in both engines."""
-    lines = [[plant, *(f"{each[name][0]}; {each[name][1]}" for name in GAINS)] for plant, each in gains().items()]
+    lines = [[plant, *(f"{counts[name][0]}; {counts[name][1]}" for name in GAINS)] for plant, counts in gains().items()]
     return markdown_table(["", *GAINS], lines)
 
 
@@ -175,7 +175,7 @@ def masses_table() -> str:
     lines = []
     for plant, scale in MASSES:
         ends = [mass_courses(plant, scale, parameters) for parameters in ("best", "nominal_tuned")]
-        counts = [(sum(each.values()), len(each)) for each in ends]
+        counts = [(sum(ended.values()), len(ended)) for ended in ends]
         cells_ = ["{} ({:.2f} to {:.2f})".format(walks, *wilson(walks, runs)) for walks, runs in counts]
         lines.append([scale, ENGINES[plant], *cells_])
     return markdown_table(["mass scale", "engine", "`best`", "nominal at its best"], lines)
@@ -187,7 +187,7 @@ def lost(plant: str) -> tuple[int, int, int]:
     runs = [run for run, is_walked in ends.items() if not is_walked]
     others = mass_courses(plant, "3", "oracle-slopes"), mass_courses(plant, "3", "nominal_tuned")
     stronger = mass_courses(plant, "3", "best-300")
-    return len(runs), sum(not any(each[run] for each in others) for run in runs), sum(stronger[run] for run in runs)
+    return len(runs), sum(not any(other[run] for other in others) for run in runs), sum(stronger[run] for run in runs)
 
 
 def verdicts() -> dict[str, int]:

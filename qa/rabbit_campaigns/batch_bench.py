@@ -49,7 +49,7 @@ def bench_batch(assembly: Assembly, robots: int, ticks: int, seed: int) -> dict[
     with parts(assembly) as (_, controller):  # made before the clock starts, as a process makes them once
         pass
     start = time.process_time()
-    alone = [walk(assembly, run, each).row.ticks for run, each in enumerate(seeds[:ALONE])]
+    alone = [walk(assembly, run, episode).row.ticks for run, episode in enumerate(seeds[:ALONE])]
     one = (time.process_time() - start) / sum(alone)
     start = time.process_time()
     found = [result.row.ticks for _, result in walk_together(controller, [assembly] * robots, range(robots), seeds)]

@@ -118,12 +118,12 @@ def judge_operations(folder: Path) -> tuple[dict[str, Any], dict[str, bool]]:
     """
     path = folder / OPERATIONS
     operations = read_rows(path, Operation) if path.exists() else []  # none where there was no operator
-    asked, right = Counter(each.kind for each in operations), Counter(e.kind for e in operations if e.expected)
+    asked, right = Counter(o.kind for o in operations), Counter(o.kind for o in operations if o.expected)
     walk = judge_walk(iterate_episodes(folder / "recording"), asked["reset"])
     bars = {
         "recording": walk["ticks_not_recorded"] == 0,
         "walks": not walk["walks"]["fell"],
-        "operations": all(each.expected for each in operations),
+        "operations": all(operation.expected for operation in operations),
     }
     counts = {kind: [asked[kind], right[kind]] for kind in sorted(asked)}
     return {**walk, "operations": counts}, bars

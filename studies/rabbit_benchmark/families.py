@@ -26,7 +26,7 @@ Range = tuple[Value, Value]  # of two whole numbers: whole numbers between them
 
 def in_order(listed: Any) -> Any:
     """A list of [name, value, ...] as a dictionary in its order, which a mapping's keys would not decide."""
-    if not isinstance(listed, list) or not all(isinstance(each, list) and each for each in listed):
+    if not isinstance(listed, list) or not all(isinstance(item, list) and item for item in listed):
         raise ValueError("expected a list of [name, value, ...], in the order of drawing")
     return {name: value if len(value) > 1 else value[0] for name, *value in listed}
 
@@ -35,7 +35,7 @@ def by_name(listed: Any) -> Any:
     """A list of mappings as a dictionary in its order, by their `name`."""
     if not isinstance(listed, list):
         raise ValueError("expected a list of families, in the order of drawing")
-    return {each.get("name"): {key: value for key, value in each.items() if key != "name"} for each in listed}
+    return {item.get("name"): {key: value for key, value in item.items() if key != "name"} for item in listed}
 
 
 Ranges = Annotated[dict[str, Range], BeforeValidator(in_order)]

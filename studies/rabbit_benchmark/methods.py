@@ -134,7 +134,7 @@ BUILT_IN = (
 
 def names() -> list[str]:
     """The names of all methods, the built-in ones first; raises `MethodError` where two are the same."""
-    own = [each.name for each in BUILT_IN]
+    own = [built_in.name for built_in in BUILT_IN]
     try:
         return [*own, *(name for name in plugins.names(GROUP) if name not in own)]
     except LookupError as error:
@@ -143,9 +143,9 @@ def names() -> list[str]:
 
 def method(name: str) -> Method:
     """The one of this name; raises `MethodError`."""
-    for each in BUILT_IN:
-        if each.name == name:
-            return each
+    for built_in in BUILT_IN:
+        if built_in.name == name:
+            return built_in
     if name not in names():
         raise MethodError(f"{name}: expected {one_of(name, names())}")
     try:
@@ -171,7 +171,7 @@ def variants(text: str) -> list[Method]:
             raise MethodError(
                 f"{text}: {setting}: expected PARAMETER=VALUE,..., a parameter of the controller, {known}"
             )
-        choices.append([(parameter, _value(each)) for each in values.split(",")])
+        choices.append([(parameter, _value(value)) for value in values.split(",")])
     return [_tuned(method(name), tuning) for tuning in product(*choices)]
 
 
@@ -187,7 +187,7 @@ def _tuned(base: Method, tuning: tuple[tuple[str, Any], ...]) -> Method:
     if not tuning:
         return base
     about = [f"{name}={value:g}" if isinstance(value, float) else f"{name}={value}" for name, value in tuning]
-    stones, flat = (each and _with(each, dict(tuning)) for each in (base.stones, base.flat))
+    stones, flat = (contender and _with(contender, dict(tuning)) for contender in (base.stones, base.flat))
     tuned = {where: own | dict(tuning) for where, own in base.tuned.items()}
     name, title = ":".join([base.name, *about]), ", ".join([base.title, *about])
     return replace(base, name=name, title=title, stones=stones, flat=flat, tuned=tuned)

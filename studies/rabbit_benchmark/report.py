@@ -97,7 +97,7 @@ class Benchmark:
         groups, lines = self._groups(), []
         for method in self.methods:
             walks = [[self._walks(method, cell) for cell in cells] for cells in groups.values()]
-            whole = [None if None in each else Walks([row for w in each if w for row in w.rows]) for each in walks]
+            whole = [None if None in group else Walks([row for w in group if w for row in w.rows]) for group in walks]
             lines.append([method.title, *map(_rate, whole)])
         return markdown_table(("method", *groups), lines)
 
@@ -109,21 +109,21 @@ class Benchmark:
         return groups
 
     def _table(self) -> str:
-        lines = [[cell.name, *(_rate(self._walks(each, cell)) for each in self.methods)] for cell in self.cells]
+        lines = [[cell.name, *(_rate(self._walks(method, cell)) for method in self.methods)] for cell in self.cells]
         blank = dict.fromkeys((method.name, why) for (method, _), why in self.results.items() if isinstance(why, str))
         notes = "".join(f"\n{name} is blank where it has {reason}.\n" for name, reason in blank)
-        return markdown_table(("cell", *(each.title for each in self.methods)), lines) + notes
+        return markdown_table(("cell", *(method.title for method in self.methods)), lines) + notes
 
     def _comparison(self) -> str:
-        reference = next((each for each in self.methods if each.name == self.reference), None)
-        others = [each for each in self.methods if each != reference]
+        reference = next((method for method in self.methods if method.name == self.reference), None)
+        others = [method for method in self.methods if method != reference]
         if not reference or not others:
             return f"Nothing to compare: it takes {self.reference} and another method.\n"
         pairs = [self._paired(other, reference, self.cells) for other in others]
-        adjusted = holm([each.p_value for each in pairs])
+        adjusted = holm([pair.p_value for pair in pairs])
         lines = [
-            [other.title, *map(str, (each.courses, each.only_this, each.only_other)), f"{each.p_value:.2g}", f"{p:.2g}"]
-            for other, each, p in zip(others, pairs, adjusted, strict=True)
+            [other.title, *map(str, (pair.courses, pair.only_this, pair.only_other)), f"{pair.p_value:.2g}", f"{p:.2g}"]
+            for other, pair, p in zip(others, pairs, adjusted, strict=True)
         ]
         columns = ("method", "common courses", "it alone walked", f"{self.reference} alone", "p", "p (Holm)")
         where = self._groups() | {cell.name: [cell] for cell in self.cells if cell.map in get_args(Split)}
@@ -135,7 +135,7 @@ class Benchmark:
             "Exact McNemar test over the common courses of all cells here, two-sided. It speaks of these cells: "
             f"the courses of one cell share a plant.\n\n{markdown_table(columns, lines)}\n"
             f"Courses walked of a hundred, more than {self.reference}, with the paired 95% interval:\n\n"
-            f"{markdown_table(('where', *(each.title for each in others)), differences)}\n"
+            f"{markdown_table(('where', *(other.title for other in others)), differences)}\n"
             f"Where another method walks more courses than {self.reference}:\n\n"
             f"{walked_more(self.table, self.reference)}"
         )
@@ -150,7 +150,7 @@ class Benchmark:
         lines = []
         for method in self.methods:
             found = [self.results[method, cell] for cell in self.cells]
-            every = [result for each in found if not isinstance(each, str) for result in each]
+            every = [result for results in found if not isinstance(results, str) for result in results]
             tick = f"{times(every)['tick_ms_p50']:.2f}" if every else ""
             lines.append((method.title, tick, method.trained_on or "nothing"))
         return markdown_table(("method", "tick, median (ms)", "trained on"), lines)
@@ -162,7 +162,7 @@ class Benchmark:
         lines = []
         for method in self.methods:
             walks = [[self._walks(method, cell) for cell in cells] for cells in groups.values()]
-            walked = ["" if None in each else str(sum(w.walked for w in each if w)) for each in walks]
+            walked = ["" if None in group else str(sum(w.walked for w in group if w)) for group in walks]
             every = f"{sum(map(int, walked)):,}" if all(walked) else ""
             lines.append([method.title, *walked, every, *about])
         columns = [f"{name}, of {size}" for name, size in sizes.items()]
@@ -172,13 +172,13 @@ class Benchmark:
 
     def _walks(self, method: Method, cell: Cell) -> Walks | None:
         results = self.results[method, cell]
-        return None if isinstance(results, str) else Walks([each.row for each in results])
+        return None if isinstance(results, str) else Walks([result.row for result in results])
 
     def _row(self, method: Method, cell: Cell) -> BenchmarkRow:
         about, results = {"method": method.name, "cell": cell.name}, self.results[method, cell]
         if isinstance(results, str):
             return BenchmarkRow(**about, reason=results)
-        walks = Walks([each.row for each in results])
+        walks = Walks([result.row for result in results])
         (low, high), tick = walks.interval, times(results)["tick_ms_p50"]
         figures = {"walked": walks.walked, "courses": walks.runs, "low": low, "high": high}
         each = by_course(row.success for row in walks.rows)
@@ -189,8 +189,8 @@ def walked_more(table: Table, reference: str) -> str:
     """The cells where another method walks more courses, and which walk the most; of an oracle too, the bound."""
     lines = []
     for cell, most in table.walked_more(reference).items():
-        each, best = (table.rows[method, cell] for method in (reference, most[0]))
-        lines.append([f"`{cell}`", str(each.courses), str(each.walked), str(best.walked), ", ".join(most)])
+        row, best = (table.rows[method, cell] for method in (reference, most[0]))
+        lines.append([f"`{cell}`", str(row.courses), str(row.walked), str(best.walked), ", ".join(most)])
     return markdown_table(("cell", "courses", reference, "the most", "by"), lines) if lines else "Nowhere.\n"
 
 
@@ -198,7 +198,7 @@ def _points(pair: Paired) -> str:
     """A difference in points, as in `+3.0 (-1.2 to +7.1)`."""
     if not pair.courses:
         return ""
-    difference, low, high = (100 * each for each in pair.difference)
+    difference, low, high = (100 * share for share in pair.difference)
     return f"{difference:+.1f} ({low:+.1f} to {high:+.1f})"
 
 
@@ -208,11 +208,11 @@ def _rate(walks: Walks | None) -> str:
 
 def rate_map(axes: Axes, rows: Sequence[str], columns: Sequence[str], walks: Sequence[Sequence[Walks | None]]) -> None:
     """Share of courses walked as colour, their number in it, a row of `walks` for each of `rows`; None is blank."""
-    rates = np.array([[each.walked / each.runs if each else np.nan for each in row] for row in walks])
+    rates = np.array([[cell.walked / cell.runs if cell else np.nan for cell in row] for row in walks])
     axes.imshow(rates, cmap="cividis", vmin=0, vmax=1, aspect="auto")
     for (i, j), rate in np.ndenumerate(rates):
-        if each := walks[i][j]:
-            axes.text(j, i, str(each.walked), ha="center", va="center", color="black" if rate > 0.5 else "white")
+        if cell := walks[i][j]:
+            axes.text(j, i, str(cell.walked), ha="center", va="center", color="black" if rate > 0.5 else "white")
     axes.set_yticks(range(len(rows)), rows)
     axes.set_xticks(range(len(columns)), columns, rotation=90)
     axes.grid(visible=False)

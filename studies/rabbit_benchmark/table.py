@@ -45,7 +45,7 @@ class BenchmarkRow(BaseModel):
 
 def by_course(outcomes: Iterable[bool]) -> str:
     """A letter for each course."""
-    return "".join(WALKED if each else ENDED for each in outcomes)
+    return "".join(WALKED if is_walked else ENDED for is_walked in outcomes)
 
 
 class Table:
@@ -88,5 +88,5 @@ class Table:
         for cell in self.cells:
             walked = {method: self.walked(method, [cell]) for method in self.methods if (method, cell) in self.rows}
             if (most := max(walked.values())) > walked.get(reference, most):
-                found[cell] = [method for method, each in walked.items() if each == most]
+                found[cell] = [method for method, courses in walked.items() if courses == most]
         return found

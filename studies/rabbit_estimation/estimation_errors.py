@@ -11,6 +11,7 @@ filter is too sure, below 1 it could be surer.
 Bar-Shalom, Li, Kirubarajan, "Estimation with applications to tracking and navigation" (2001), section 5.4.
 """
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
@@ -29,7 +30,7 @@ from scipy.stats import chi2
 NAMES = ("pitch", *["joint angles"] * 4, *["hip velocity"] * 2, "pitch rate", *["joint rates"] * 4)
 AFTER = 10  # ticks from a touchdown, in which impacts and their echoes are
 UNITS = {"pitch": "rad", "joint angles": "rad", "hip velocity": "m/s", "pitch rate": "rad/s", "joint rates": "rad/s"}
-GROUPS = {name: [i for i, each in enumerate(NAMES) if each == name] for name in UNITS}
+GROUPS = {name: [i for i, other in enumerate(NAMES) if other == name] for name in UNITS}
 
 
 @dataclass(frozen=True)
@@ -103,7 +104,7 @@ def summarise(walks: Iterable[EstimatedWalk]) -> dict[str, Any]:
     return {
         "walks": len(walks),
         "ticks": len(errors),
-        "outcomes": {each: sum(walk.outcome == each for walk in walks) for each in {walk.outcome for walk in walks}},
+        "outcomes": Counter(walk.outcome for walk in walks),
         "rms": {name: rms(errors[:, group]) for name, group in GROUPS.items()},
         "claimed": {name: rms(stds[:, group]) for name, group in GROUPS.items()},
         "nees_of": dict(zip(GROUPS, parts.mean(axis=0).tolist(), strict=True)),

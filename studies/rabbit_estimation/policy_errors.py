@@ -66,8 +66,8 @@ def compare(assembly: Assembly, walker: str, seeds: Iterable[int]) -> dict[str, 
         "active_share": {row: sum(row in output.active for output in outputs) / len(ticks) for row in rows},
         "quantities": errors(
             parameters.problem,
-            [policy.estimate(each, nothing) for each in scenes],
-            [oracle.estimate(each, nothing) for each in scenes],
+            [policy.estimate(scene, nothing) for scene in scenes],
+            [oracle.estimate(scene, nothing) for scene in scenes],
             np.array([output.mu for output in outputs]),
             np.array([output.LgV for output in outputs]),
         ),
@@ -101,7 +101,7 @@ def _walk(assembly: Assembly, seed: int) -> tuple[dict[str, Any], list[tuple[Con
 
 def _stacked(estimates: Sequence[Estimates]) -> Array:
     """Alpha and beta side by side, (T, n, 5)."""
-    return np.array([np.column_stack([each.alpha, each.beta]) for each in estimates])
+    return np.array([np.column_stack([estimate.alpha, estimate.beta]) for estimate in estimates])
 
 
 def _errors(guess: Array, truth: Array, mu: Array) -> Errors:

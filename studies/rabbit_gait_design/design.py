@@ -65,7 +65,7 @@ def _complaint(programme: Transcription) -> str:
 
 
 def _as_gait(programme: Transcription, solution: ca.OptiSol) -> Gait:
-    spec, (coeffs, phase_range) = programme.specification, (np.array(solution.value(each)) for each in programme.path)
+    spec, (coeffs, phase_range) = programme.specification, (np.array(solution.value(part)) for part in programme.path)
     fields: dict[str, Any] = {
         "name": spec.name,
         "step_length": spec.step_length,

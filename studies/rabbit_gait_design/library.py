@@ -63,8 +63,8 @@ def design_library(
     found = dict[Place, Gait]()
     first = (list(slopes).index(base.slope), list(lengths).index(base.step_length))
     for place, neighbour in outwards(first, (len(slopes), len(lengths))):
-        each = specifications[place[0]][place[1]]
-        found[place] = design_gait(each, progress and progress(each.name), neighbour and found[neighbour])
+        spec = specifications[place[0]][place[1]]
+        found[place] = design_gait(spec, progress and progress(spec.name), neighbour and found[neighbour])
     made_by = {"command": "rabbit gait", "specification": base.model_dump(mode="json"), "speed_slope": speed_slope}
     gaits = [found[place] for place in sorted(found)]
     return GaitLibrary(name=base.name, start_length=base.step_length, gaits=gaits, metadata=made_by)

@@ -65,7 +65,7 @@ def plot_library(library: GaitLibrary) -> Figure:
         feet.plot(*orbit.series("swing").T)
     feet.set(xlabel="from the stance foot (m)", ylabel="swing foot's height (m)")
     for name in ("speed", "eigenvalue", "friction_used"):
-        over.plot(places, [getattr(each, name) for each in found], marker="o", markersize=3, label=name)
+        over.plot(places, [getattr(gait, name) for gait in found], marker="o", markersize=3, label=name)
     over.set(xlabel=label, ylim=(0, None))
     over.legend()
     figure.suptitle(f"{library.name}: {len(library.gaits)} gaits")

@@ -50,10 +50,10 @@ def controllers() -> dict[str, Controller]:
 
 def page_numbers(made: Mapping[str, Controller]) -> dict[str, Any]:
     """All of them, for JSON."""
-    gaits = {each.parameters.gait for each in made.values()}
-    learned = next(each.policy for each in made.values() if isinstance(each.policy, ActorPolicy))
+    gaits = {walker.parameters.gait for walker in made.values()}
+    learned = next(walker.policy for walker in made.values() if isinstance(walker.policy, ActorPolicy))
     return {
-        "controllers": {name: controller(i, each) for i, (name, each) in enumerate(made.items())},
+        "controllers": {name: controller(i, walker) for i, (name, walker) in enumerate(made.items())},
         "plant": plant_numbers(),
         "courses": [course(seed, gaits) for seed in SEEDS],
         "controls": page_controls(),
@@ -127,15 +127,15 @@ def plant_numbers() -> dict[str, Any]:
 
 def numbers(text: str) -> list[float]:
     """The numbers of an attribute."""
-    return [float(each) for each in text.split()]
+    return [float(word) for word in text.split()]
 
 
 def course(seed: int, gaits: set[str]) -> dict[str, Any]:
     """The stones' near edges and, by gait, the first state of an episode; as `Simulation.reset` draws them."""
-    course_rng, _, _ = (np.random.default_rng(each) for each in np.random.SeedSequence(seed).spawn(3))
+    course_rng, _, _ = (np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(3))
     starts = {}
     for name in gaits:
-        _, start_rng, _ = (np.random.default_rng(each) for each in np.random.SeedSequence(seed).spawn(3))
+        _, start_rng, _ = (np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(3))
         q, dq = initial_state(PLANT, load_gaits(name), start_rng)
         starts[name] = {"q": q.tolist(), "dq": dq.tolist()}
     return {"near": [stone.l_min for stone in draw_course(PLANT, course_rng)], "starts": starts}
@@ -143,7 +143,7 @@ def course(seed: int, gaits: set[str]) -> dict[str, Any]:
 
 def page_controls() -> list[dict[str, Any]]:
     """What a person can choose; see `rabbit_viewer.play.settings.controls`."""
-    known = {each["name"]: each for each in controls()}
+    known = {control["name"]: control for control in controls()}
     known["stone_width"]["when"] = "now"
     known["again"]["default"] = "next course"
     known["mass_scale"]["default"], known["seed"]["default"] = MASS_SCALE, SEEDS[0]

@@ -36,11 +36,11 @@ def text(model: MissProbability, found: Judgement, p: Array, missed: Array, plan
         "| p | steps | mean p | misses | rate | 95% interval | mean p in it |",
         "|---|---|---|---|---|---|---|",
     ]
-    for each in found.bins:
-        ends = f"{100 * each.interval[0]:.1f} to {100 * each.interval[1]:.1f}%"
-        rate = f"{100 * each.misses / each.steps:.1f}% | {ends} | {'yes' if each.holds else 'no'}"
-        place = f"{100 * each.low:g} to {100 * each.high:g}% | {each.steps} | {100 * each.p:.1f}%"
-        lines.append(f"| {place} | {each.misses} | {rate} |")
+    for group in found.bins:
+        ends = f"{100 * group.interval[0]:.1f} to {100 * group.interval[1]:.1f}%"
+        rate = f"{100 * group.misses / group.steps:.1f}% | {ends} | {'yes' if group.holds else 'no'}"
+        place = f"{100 * group.low:g} to {100 * group.high:g}% | {group.steps} | {100 * group.p:.1f}%"
+        lines.append(f"| {place} | {group.misses} | {rate} |")
     lines += [
         "",
         f"Brier score {found.brier:.4f}, that of the mean rate {found.brier_of_rate:.4f}: skill {found.skill:.3f}.",
@@ -56,10 +56,10 @@ def figure(found: Judgement) -> Figure:
     """Mean p of each bin against the rate of misses, with its interval."""
     figure = Figure(figsize=(4.5, 4.5), layout="constrained")
     axes = figure.add_subplot()
-    rates = [each.misses / each.steps for each in found.bins]
-    below = [rate - each.interval[0] for rate, each in zip(rates, found.bins, strict=True)]
-    above = [each.interval[1] - rate for rate, each in zip(rates, found.bins, strict=True)]
-    axes.errorbar([each.p for each in found.bins], rates, [below, above], fmt="o", color=style.BLUE, capsize=3)
+    rates = [group.misses / group.steps for group in found.bins]
+    below = [rate - group.interval[0] for rate, group in zip(rates, found.bins, strict=True)]
+    above = [group.interval[1] - rate for rate, group in zip(rates, found.bins, strict=True)]
+    axes.errorbar([group.p for group in found.bins], rates, [below, above], fmt="o", color=style.BLUE, capsize=3)
     axes.plot([0.003, 1], [0.003, 1], color=style.BLACK, linewidth=0.8)
     axes.set(xscale="log", yscale="log", xlabel="probability that is given", ylabel="rate of misses", xlim=(0.003, 1))
     axes.set_ylim(0.001, 1)

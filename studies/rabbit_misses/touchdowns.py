@@ -49,11 +49,11 @@ def features(step: Sequence[Record], now: Record, feet: Feet) -> Array:
         q, dq = q[SWAP_STATE], dq[SWAP_STATE]
     length, height = -feet(q).swing
     seconds = (state.tick - step[0].state.tick) * TICK_SECONDS
-    forces = np.array([each.state.foot_force[each.output.stance] for each in step[LANDING_TICKS:] or step])
+    forces = np.array([tick.state.foot_force[tick.output.stance] for tick in step[LANDING_TICKS:] or step])
     ratios = np.abs(forces[:, 0]) / np.maximum(forces[:, 1], LEAST_FORCE)
-    torques = np.array([np.abs(each.output.torque).max() for each in step])
-    outputs = np.array([np.abs(each.output.eta[:4]).max() for each in step])
-    slacks = np.array([(each.output.clf_slack, each.output.rescue_slack) for each in step]).max(axis=0)
+    torques = np.array([np.abs(tick.output.torque).max() for tick in step])
+    outputs = np.array([np.abs(tick.output.eta[:4]).max() for tick in step])
+    slacks = np.array([(tick.output.clf_slack, tick.output.rescue_slack) for tick in step]).max(axis=0)
     return np.array(
         [
             *(RABBIT_ANGLES.phase_angle @ dq, length, length / seconds, q[2], dq[2], height),

@@ -74,7 +74,7 @@ def variant(
     title: str, controller: str, policy: str, *tuning: dict[str, Any], kind: type[Assembly] = Assembly
 ) -> Contender:
     """One that stands in a map, so without a colour of its own."""
-    parameters = {name: value for each in tuning for name, value in each.items()}
+    parameters = {name: value for part in tuning for name, value in part.items()}
     return Contender(title, controller, style.BLACK, policy, tuning=tuple(parameters.items()), kind=kind)
 
 

@@ -74,7 +74,7 @@ def rate_figure(
     figure, (axes,) = style.figure(1, height=3.2)
     draw_rates(axes, values, walks, scale)
     for contender, value in marks:
-        is_first = contender not in [each for each, other in marks if other < value]
+        is_first = contender not in [named for named, other in marks if other < value]
         said = f"paper: {contender.title}" if is_first else None
         axes.axvline(value * scale, color=contender.colour, linewidth=3, alpha=0.25, label=said)
     axes.set_xlabel(label)
@@ -90,8 +90,8 @@ def draw_rates(
     shift = 0.008 * float(np.ptp(x))  # beside one another, where they would hide each other
     for i, (contender, row) in enumerate(walks.items()):
         at = x + shift * (i - (len(walks) - 1) / 2)
-        rate = np.array([each.walked / each.runs for each in row])
-        ends = np.array([wilson(each.walked, each.runs) for each in row]).T
+        rate = np.array([walks.walked / walks.runs for walks in row])
+        ends = np.array([wilson(walks.walked, walks.runs) for walks in row]).T
         bars = np.abs(ends - rate)
         look: dict[str, Any] = {"color": contender.colour, "linestyle": contender.line, "marker": "o"}
         axes.plot(at, rate, markersize=4, label=contender.title, **look)

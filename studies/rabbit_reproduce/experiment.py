@@ -115,7 +115,7 @@ class Experiment(ABC):
 
     def trainings(self, size: Size) -> list[TrainingJob]:
         """What `--retrain` trains for it: the shipped policies that it uses."""
-        return that_made(each.policy for job in self.jobs(size) for each in job.assemblies)
+        return that_made(assembly.policy for job in self.jobs(size) for assembly in job.assemblies)
 
     def tables(self, found: Found) -> Sequence[Table]:
         """The tables of its lines."""
@@ -134,7 +134,7 @@ class Experiment(ABC):
         with style.look():
             figures = self.figures(found)
         learned = [job.assembly for job in self.jobs(size) if job.assembly.policy not in ("zero", "oracle")]
-        policies = {policy_name(each): each.make_policy().version for each in learned}
+        policies = {policy_name(assembly): assembly.make_policy().version for assembly in learned}
         options = " --quick" * size.quick + " --retrain" * (size.trained is not None)
         options += f" --plant {size.plant}" * (size.plant != "pybullet")
         about = {
@@ -164,7 +164,7 @@ class Sweep(Experiment):
 
     @cached_property
     def by_key(self) -> dict[Any, Line]:
-        return {(each, value): self._line(each, value) for each in self.plants for value in self.values}
+        return {(contender, value): self._line(contender, value) for contender in self.plants for value in self.values}
 
     def row(self, found: Found, contender: Contender) -> dict[float, Walks]:
         """A controller's runs, by value."""
@@ -175,14 +175,14 @@ class Sweep(Experiment):
         return {value: self.at_best(found, self.by_key[contender, value]) for value in self.values}
 
     def figures(self, found: Found) -> dict[str, Figure]:
-        rates = {each: list(self.row(found, each).values()) for each in self.plants}
+        rates = {contender: list(self.row(found, contender).values()) for contender in self.plants}
         return {"rates": rate_figure(self.values, rates, self.axis, self.scale, list(self.paper_values))}
 
     def largest(self, walks: Mapping[float, Walks]) -> str:
         """The largest value that walks, in words, and up to which one all do."""
         ordered = sorted(walks.items())
-        passing = [value for value, each in ordered if each.passes]
-        whole = [value for i, (value, _) in enumerate(ordered) if all(each.passes for _, each in ordered[: i + 1])]
+        passing = [value for value, runs in ordered if runs.passes]
+        whole = [value for i, (value, _) in enumerate(ordered) if all(runs.passes for _, runs in ordered[: i + 1])]
         if not passing:
             return "walks at none"
         if whole and whole[-1] == passing[-1]:

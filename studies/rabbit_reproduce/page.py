@@ -33,9 +33,9 @@ def make(
     """
     cache = Cache(out / "cache")
     try:
-        done = run([job for each in experiments for job in each.jobs(size)], cache, processes)
+        done = run([job for experiment in experiments for job in experiment.jobs(size)], cache, processes)
     except KeyboardInterrupt:
-        _write([each for each in experiments if all(cache.get(job) for job in each.jobs(size))], cache, size, out)
+        _write([e for e in experiments if all(cache.get(job) for job in e.jobs(size))], cache, size, out)
         write_page(out, names)
         raise
     _write(experiments, cache, size, out)

@@ -76,8 +76,8 @@ class Size:
 
     def columns(self, columns: Sequence["Column"]) -> list["Column"]:
         """The columns with runs, none there twice: `plant` is the main one."""
-        beside = [each for each in columns if each.plant == "pybullet" or each.plant != self.plant]
-        return [each for each in beside if self.beside or each is MAIN]
+        beside = [column for column in columns if column.plant == "pybullet" or column.plant != self.plant]
+        return [column for column in beside if self.beside or column is MAIN]
 
     def title(self, column: "Column") -> str:
         """The title of a column."""

@@ -182,9 +182,9 @@ class Trained:
 def under(root: Path, wanted: Sequence[TrainingJob], engine: str = "pybullet") -> Trained:
     """The trainings of these recipes under `root`, on the plant of this engine."""
     made = {}
-    for each in wanted:
-        plant = each.plant.model_copy(update={"plant": engine})
-        made[each] = replace(each, plant=plant, root=root, title=each.name)
+    for recipe in wanted:
+        plant = recipe.plant.model_copy(update={"plant": engine})
+        made[recipe] = replace(recipe, plant=plant, root=root, title=recipe.name)
     return Trained(root, made)
 
 

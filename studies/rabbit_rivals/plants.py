@@ -29,10 +29,10 @@ def draw_plant(terrain: Terrain, rng: "np.random.Generator", stones: int) -> Sim
     else:
         changes["payload"] = rng.uniform(0, PAYLOAD)
     if rng.random() < 0.6:
-        families_of = (each.on(terrain) for each in families().families.values() if each.split == "development")
+        families_of = (family.on(terrain) for family in families().families.values() if family.split == "development")
         known = [ranges for ranges in families_of if ranges]
         ranges = known[rng.integers(len(known))]
-        changes |= drawn({name: HARD.get(name, each) for name, each in ranges.items()}, rng)
+        changes |= drawn({name: HARD.get(name, limits) for name, limits in ranges.items()}, rng)
     lag = LAG if rng.random() < 0.7 else rng.uniform(*LAGS)
     course = {"terrain": terrain, "stones": stones, "motor_lag": lag, "plant": "mujoco"}
     return SimulationParameters.model_validate(course | changes)

@@ -70,7 +70,7 @@ def units_of(task: ControlTask) -> TaskAbout:
     eta = [f"eta{i + 1}" for i in range(len(moments[0].output.eta))]
     return TaskAbout(
         task=task.name,
-        reads=(*task.observed, *task.commanded, *(each.name for each in task.barriers), *eta),
+        reads=(*task.observed, *task.commanded, *(barrier.name for barrier in task.barriers), *eta),
         center=seen.mean(axis=0).tolist(),
         scale=np.where(deviation > 0, deviation, 1.0).tolist(),
         inputs=(used if task.limit is None else np.full(used.shape, task.limit)).tolist(),
@@ -98,7 +98,7 @@ def later_of_many(task: ControlTask, n: int) -> Callable[..., Array]:
     for _ in range(task.substeps):
         state = step(state, *symbols[1:], h)
     tick = ca.Function("tick", symbols, [state]).map(n)
-    return lambda *rows: np.array(tick(*(each.T for each in rows))).T
+    return lambda *rows: np.array(tick(*(row.T for row in rows))).T
 
 
 class TaskVectorEnv(EpisodesEnv):

@@ -101,8 +101,8 @@ def show(figures: dict[str, Any]) -> None:
     print(f"policies in force: {figures['policies_put_in_force']}; ticks not recorded: {figures['ticks_not_recorded']}")
     walks = figures["walks"]
     print(f"{walks['walked']} of {walks['ended']} episodes walked, {walks['reset']} were reset by the operator")
-    for each in walks["fell"]:
-        print("  episode {}, seed {}: {} {}".format(*each))
+    for fall in walks["fell"]:
+        print("  episode {}, seed {}: {} {}".format(*fall))
     if operations := figures["operations"]:
         print("as expected: " + ", ".join(f"{kind} {right} of {asked}" for kind, (asked, right) in operations.items()))
     for bar, kept in figures["bars_kept"].items():

@@ -57,17 +57,17 @@ def benchmark(
 
     with complaints(CellError, MethodError):
         methods = None if methods == ["all"] else methods
-        entered = [each for name in dict.fromkeys(methods or names()) for each in variants(name)]
+        entered = [method for name in dict.fromkeys(methods or names()) for method in variants(name)]
         wanted = chosen([name for name in cells.split(",") if name])
     with complaints():
         tick_seconds = SimulationParameters(tick_seconds=tick_seconds).tick_seconds
     processes = who_runs(jobs, cluster)
     if show or is_bare(context):
-        for each in entered:
-            print(f"{each.name:16s} {each.title}")
+        for method in entered:
+            print(f"{method.name:16s} {method.title}")
         for cell in wanted:
             print(f"{cell.name} ({cell.map})")
-        of = [cell.courses(courses) for each in entered for cell in wanted if each.on(cell.terrain, cell.map)]
+        of = [cell.courses(courses) for method in entered for cell in wanted if method.on(cell.terrain, cell.map)]
         size = f"{len(entered)} methods on {len(wanted)} cells: {sum(of):,} courses"
         tell_if_bare(
             context,
@@ -76,19 +76,19 @@ def benchmark(
             "rabbit benchmark best nominal-tuned --cells inside",
         )
         return
-    if against not in (REFERENCE, *(each.name for each in entered)):
-        fail(f"--against {against}: expected {one_of(against, [REFERENCE, *(each.name for each in entered)])}")
+    if against not in (REFERENCE, *(method.name for method in entered)):
+        fail(f"--against {against}: expected {one_of(against, [REFERENCE, *(method.name for method in entered)])}")
     if seeds not in SEEDS and not (seeds.isascii() and seeds.isdecimal() and len(seeds) < 10):
         fail(f"--seeds {seeds}: expected {', '.join(SEEDS)} or a number of up to 9 digits")
     protocol = Protocol(courses, seeds, sensors=sensors, plant=plant, tick_seconds=tick_seconds)
     with progress_bar() as bar:
         runs = plan(protocol, entered, wanted, partial(bar.track, description="plans"))
-    for each in entered if methods else ():
-        if all(isinstance(reason := runs[each, cell], str) for cell in wanted):
-            fail(f"{each.name}: {reason}")
+    for method in entered if methods else ():
+        if all(isinstance(reason := runs[method, cell], str) for cell in wanted):
+            fail(f"{method.name}: {reason}")
     cache = Cache(own_folder(out, "benchmark") / "cache")
     with complaints(JobError), going_on_from("the runs that are done"):
-        walks = [job for each in runs.values() if not isinstance(each, str) for job in each]
+        walks = [job for jobs in runs.values() if not isinstance(jobs, str) for job in jobs]
         done = run(walks, cache, processes, batch=batch)
     page = Benchmark.from_cache(protocol, entered, wanted, runs, cache, against).write(out)
     print(f"{done} runs made; written {page}")

@@ -63,7 +63,7 @@ def rows(walks: Sequence[Steps]) -> Rows:
 def without_mean(plants: Sequence[Sequence[Steps]]) -> list[Rows]:
     """The rows of each plant that has enough of them, less their mean: its constant is out."""
     tables = [rows(walks) for walks in plants]
-    return [Rows(*(each - each.mean(axis=0) for each in table)) for table in tables if len(table.y) >= LEAST_ROWS]
+    return [Rows(*(values - values.mean(axis=0) for values in table)) for table in tables if len(table.y) >= LEAST_ROWS]
 
 
 def fitted(plants: Sequence[Sequence[Steps]]) -> SpeedModel:
@@ -71,11 +71,11 @@ def fitted(plants: Sequence[Sequence[Steps]]) -> SpeedModel:
     tables = without_mean(plants)
     if len(tables) < len(NAMES):
         raise SpeedModelError(f"{len(tables)} plants with {LEAST_ROWS} steps: expected at least {len(NAMES)}")
-    x, y, z = (np.concatenate(each) for each in zip(*tables, strict=True))
+    x, y, z = (np.concatenate(columns) for columns in zip(*tables, strict=True))
     first_stage = np.linalg.lstsq(z, x, rcond=None)[0]
     inverse = np.linalg.inv((z @ first_stage).T @ (z @ first_stage))
     coefficients = inverse @ (z @ first_stage).T @ y
-    scores = np.array([(each.z @ first_stage).T @ (each.y - each.x @ coefficients) for each in tables])
+    scores = np.array([(table.z @ first_stage).T @ (table.y - table.x @ coefficients) for table in tables])
     covariance = inverse @ (scores.T @ scores) @ inverse
     return SpeedModel(coefficients, 1.96 * np.sqrt(np.diag(covariance)), len(y), len(tables))
 

@@ -75,9 +75,9 @@ class Tolerance(Sweep):
     def claims(self, found: Found) -> list[Claim]:
         """How much each takes."""
         claims = []
-        for each, plant in self.plants.items():
-            largest, scale = self.largest(self.row(found, each)), f"{plant.get('mass_scale', 1.0):g}"
-            claims.append(self.claim("takes", largest, what=self.what, who=each.title, mass_scale=scale))
+        for contender, plant in self.plants.items():
+            largest, scale = self.largest(self.row(found, contender)), f"{plant.get('mass_scale', 1.0):g}"
+            claims.append(self.claim("takes", largest, what=self.what, who=contender.title, mass_scale=scale))
         return claims
 
 
@@ -90,7 +90,7 @@ class SmallMass(Experiment):
     def by_key(self) -> dict[Any, Line]:
         """The lines of 20 steps, by scale and controller; and one of a thousand."""
         who = (*WHO["flat"], *WHO["stones"], RL_CBF_CLF_LIGHT)
-        lines: dict[Any, Line] = {(scale, each): self._line(scale, each) for scale in SMALL for each in who}
+        lines: dict[Any, Line] = {case: self._line(*case) for case in product(SMALL, who)}
         assembly = RL_CBF_CLF_LIGHT.assembly(mass_scale=SMALL[0], stones=LONG)
         what = f"{RL_CBF_CLF_LIGHT.title}, scale {SMALL[0]:g}, {LONG} steps"
         return lines | {LONG: Line(what, assembly, "indefinitely", LONG_RUNS, (MAIN,))}
@@ -134,7 +134,7 @@ class SmallMass(Experiment):
 
         A training at 0.5 is among those of `learning-curves --retrain`.
         """
-        trained, oracle, nominal = (walks[SMALL[1], each] for each in (RL_CBF_CLF_LIGHT, CBF_CLF_ORACLE, CBF_CLF))
+        trained, oracle, nominal = (walks[SMALL[1], who] for who in (RL_CBF_CLF_LIGHT, CBF_CLF_ORACLE, CBF_CLF))
         lasted = float(np.median([row.ticks for row in nominal.rows])) * TICK_SECONDS
         ours = f"trained at 0.7 {trained.text}; oracle {oracle.text}; nominal lasts {lasted:.2f} s"
         fails = not trained.passes and not oracle.passes
@@ -145,6 +145,6 @@ class SmallMass(Experiment):
         self, scale: float, who: tuple[Contender, ...], walks: dict[Any, Walks], best: dict[Any, Walks]
     ) -> Claim:
         """What the paper does not claim: the policies of scale 2."""
-        learned, nominal, oracle = (walks[scale, each] for each in who)
+        learned, nominal, oracle = (walks[scale, contender] for contender in who)
         ours = f"{learned.text}; nominal {nominal.text}, oracle {oracle.text}"
         return self.claim("untrained", ours, tuned=best[scale, who[1]], who=who[0].title, scale=f"{scale:g}")

@@ -73,7 +73,7 @@ class ClfAssumption(Judged):
         return _walks(size, WALKERS, judges, 1 if size.quick else 3, f"{self.name}, {case}", plant)
 
     def tables(self, found: Found) -> Sequence[Table]:
-        columns = ("plant", *ROWS, *(f"CLF row, {each.title}'s states" for each in WALKERS), "states")
+        columns = ("plant", *ROWS, *(f"CLF row, {contender.title}'s states" for contender in WALKERS), "states")
         rows: list[Sequence[Cell]] = []
         for name in PLANTS:
             walks = self.judged(found, name)
@@ -114,7 +114,7 @@ class FeasibilityShare(Judged):
     def walks_of(self, size: Size, case: tuple[str, Column]) -> list[list[JudgedWalk]]:
         group, column = case
         plant = {"mass_scale": 2.0, "stones": STEPS, "plant": column.plant, "motor_lag": column.lag}
-        judges = tuple(size.own(each.assembly(**plant)) for each in GROUPS[group])
+        judges = tuple(size.own(contender.assembly(**plant)) for contender in GROUPS[group])
         return _walks(size, GROUPS[group], judges, max(1, size.runs // 2), f"feasibility, {size.title(column)}", plant)
 
     def tables(self, found: Found) -> Sequence[Table]:
@@ -169,17 +169,18 @@ class FeasibilityByEpisode(Judged):
         """Judges: the nominal controller, the oracle, and each training's policies after each of `EPISODES`."""
         assert size.trained
         plant: dict[str, Any] = {"mass_scale": TRAINING_SCALE, "stones": SHORT}
-        files = [size.trained.policy(each, after) for each in _on_stones([*size.trained.made]) for after in EPISODES]
+        trainings = _on_stones([*size.trained.made])
+        files = [size.trained.policy(training, after) for training in trainings for after in EPISODES]
         who = [CBF_CLF, CBF_CLF_ORACLE, *(RL_CBF_CLF.with_policy(str(file)) for file in files)]
-        judges = tuple(size.own(each.assembly(**plant)) for each in who)
+        judges = tuple(size.own(contender.assembly(**plant)) for contender in who)
         return _walks(size, WALKERS, judges, 1 if size.quick else 3, self.name, plant)
 
     def tables(self, found: Found) -> Sequence[Table]:
         curves, beside, own = self._curves(found), self._beside(found), _trained(found)
         columns = ("rows of", *(f"{SETS[rows]}, seed {recipe.parameters.seed}" for rows in SETS for recipe in own))
         lines = {
-            each.title: [beside[rows][i] for rows in SETS for _ in own]
-            for i, each in enumerate((CBF_CLF, CBF_CLF_ORACLE))
+            contender.title: [beside[rows][i] for rows in SETS for _ in own]
+            for i, contender in enumerate((CBF_CLF, CBF_CLF_ORACLE))
         }
         for i, episode in enumerate(EPISODES):
             lines[f"policy after episode {episode}"] = [row[i] for rows in SETS for row in curves[rows]]
@@ -251,7 +252,7 @@ def _walks(
 ) -> list[list[JudgedWalk]]:
     """So many runs of each walker."""
     seeds = episode_seeds(SEED, runs).values()
-    assemblies = [size.own(each.assembly(**plant)) for each in walkers]
+    assemblies = [size.own(contender.assembly(**plant)) for contender in walkers]
     return [[JudgedWalk(assembly, seed, judges, title=title) for seed in seeds] for assembly in assemblies]
 
 

@@ -25,10 +25,10 @@ class TenSteps(Experiment):
 
     @cached_property
     def by_key(self) -> dict[Any, Line]:
-        return {each: Line(each.title, each.assembly(stones=STEPS, **self.plant), runs=HEADLINE) for each in FLAT}
+        return {who: Line(who.title, who.assembly(stones=STEPS, **self.plant), runs=HEADLINE) for who in FLAT}
 
     def figures(self, found: Found) -> dict[str, Figure]:
-        walks: dict[Contender, Any] = {each: found.records(self.by_key[each]) for each in FLAT}
+        walks: dict[Contender, Any] = {contender: found.records(self.by_key[contender]) for contender in FLAT}
         return {"tracking": tracking_figure(walks)}
 
     def claims(self, found: Found) -> list[Claim]:
@@ -36,9 +36,9 @@ class TenSteps(Experiment):
         walks, tuned = self.walks(found), self.at_best(found, self.by_key[CLF])
         nominal, words = walks[CLF], {"title": f"{self.title[0].lower()}{self.title[1:]}"}
         claims = []
-        for each in (RL_CLF, IO_RL):
-            ours, parts = f"{walks[each].text}; nominal {nominal.text}", {"walks": walks[each].passes}
-            claims.append(self.claim("walks", ours, parts, nominal.passes, tuned, who=each.title, **words))
+        for contender in (RL_CLF, IO_RL):
+            ours, parts = f"{walks[contender].text}; nominal {nominal.text}", {"walks": walks[contender].passes}
+            claims.append(self.claim("walks", ours, parts, nominal.passes, tuned, who=contender.title, **words))
         return claims
 
 
@@ -51,8 +51,8 @@ class ClfResults(TenSteps):
     def by_key(self) -> dict[Any, Line]:
         tuning = {"flat_force_rows": True}
         with_rows = {
-            (each, WITH_ROWS): Line(f"{each.title}, {WITH_ROWS}", each.assembly(tuning, stones=STEPS, **self.plant))
-            for each in (RL_CLF, IO_RL)
+            (who, WITH_ROWS): Line(f"{who.title}, {WITH_ROWS}", who.assembly(tuning, stones=STEPS, **self.plant))
+            for who in (RL_CLF, IO_RL)
         }
         return super().by_key | with_rows
 
@@ -62,10 +62,10 @@ class ClfResults(TenSteps):
         learned, l1, bare, kept = (walks[key] for key in (RL_CLF, L1_CLF, IO_RL, (IO_RL, WITH_ROWS)))
         over, over_l1, over_bare, over_kept = (w.total("ticks_over_cone") for w in (learned, l1, bare, kept))
         claims, tuned = super().claims(found), self.at_best(found, self.by_key[CLF])
-        for each in (L1_CLF, CLF):
-            ours, parts = walks[each].text, {"fails": not walks[each].passes}
-            beside = tuned if each is CLF else ("-", False)
-            claims.append(self.claim("fails", ours, parts, tuned=beside, who=each.title))
+        for contender in (L1_CLF, CLF):
+            ours, parts = walks[contender].text, {"fails": not walks[contender].passes}
+            beside = tuned if contender is CLF else ("-", False)
+            claims.append(self.claim("fails", ours, parts, tuned=beside, who=contender.title))
         ours = f"{over} of {learned.total('ticks')} ticks over, largest {learned.max_ratio:.2f}"
         claims.append(self.claim("cone", ours, {"never over": over == 0}, tuned=forces_kept(tuned)))
         if found.column is MAIN:

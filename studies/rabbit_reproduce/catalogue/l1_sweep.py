@@ -67,14 +67,14 @@ class L1Sweep(Experiment):
     @cached_property
     def by_key(self) -> dict[Any, Line]:
         """The lines by scale and setting; without L1 by the scale alone."""
-        cases = [(scale, setting) for scale in SCALES for setting in SWEPT] + [(SCALES[0], each) for each in UNBOUND]
+        cases = [*product(SCALES, SWEPT), *product(SCALES[:1], UNBOUND)]
         more: dict[str, Any] = {"runs": RUNS, "columns": (MAIN,)}
         lines: dict[Any, Line] = {}
         for scale in SCALES:
             lines[scale] = Line(f"{CLF.title}, scale {scale:g}", CLF.assembly(mass_scale=scale, stones=STEPS), **more)
-        for scale, each in cases:
-            assembly = L1_CLF.assembly(each.parameters, mass_scale=scale, stones=STEPS)
-            lines[scale, each] = Line(f"{each.text}, scale {scale:g}", assembly, **more)
+        for scale, setting in cases:
+            assembly = L1_CLF.assembly(setting.parameters, mass_scale=scale, stones=STEPS)
+            lines[scale, setting] = Line(f"{setting.text}, scale {scale:g}", assembly, **more)
         return lines
 
     def figures(self, found: Found) -> dict[str, Figure]:
@@ -88,18 +88,18 @@ class L1Sweep(Experiment):
     def claims(self, found: Found) -> list[Claim]:
         """Against the CLF-QP, at scale 2, and Euler's law."""
         every = self.walks(found)
-        little, twice = ({each: every[scale, each] for each in SWEPT} for scale in SCALES)
+        little, twice = ({setting: every[scale, setting] for setting in SWEPT} for scale in SCALES)
         nominal, tuned = every[SCALES[0]], self.at_best(found, self.by_key[SCALES[0]])
         best = little[DEFAULT]
-        better = [each for each, walks in little.items() if walks.passes and walks.rms("rms_y") < nominal.rms("rms_y")]
-        failing = [each for each, walks in twice.items() if not walks.passes]
+        better = [s for s, walks in little.items() if walks.passes and walks.rms("rms_y") < nominal.rms("rms_y")]
+        failing = [setting for setting, walks in twice.items() if not walks.passes]
         unbound = []
-        for each in UNBOUND:
-            walks = every[SCALES[0], each]
+        for setting in UNBOUND:
+            walks = every[SCALES[0], setting]
             told = "walks" if walks.passes else f"fails after {walks.mean_stones:.1f} steps"
-            unbound.append(f"{each.text}: {told}")
+            unbound.append(f"{setting.text}: {told}")
         errors = f"rms of y {best.rms('rms_y'):.4f} against {nominal.rms('rms_y'):.4f} rad"
-        whole, some = len(SWEPT), ": " + "; ".join(each.text for each in failing)
+        whole, some = len(SWEPT), ": " + "; ".join(setting.text for setting in failing)
         return [
             self.claim(
                 "better",
@@ -126,7 +126,7 @@ class L1Sweep(Experiment):
             line, fill = ("-", colour) if substeps == 1 else ("--", "white")
             look: dict[str, Any] = {"color": colour, "marker": marker, "linestyle": line, "markerfacecolor": fill}
             axes.plot(GAINS, _errors(walks), label=f"{NAMES[law]}, {rate}", markersize=4, **look)
-            bad = [not each.passes for each in walks]
+            bad = [not runs.passes for runs in walks]
             axes.plot(np.array(GAINS)[bad], _errors(walks)[bad], "x", color=style.RED, markersize=9)
         piecewise, nominal = (every[key].rms("rms_y") for key in ((scale, DEFAULT), scale))
         axes.axhline(piecewise, color=style.GREEN, linestyle=":", label="piecewise, 100 Hz")
@@ -140,4 +140,4 @@ class L1Sweep(Experiment):
 
 
 def _errors(walks: Sequence[Walks]) -> Any:
-    return np.array([each.rms("rms_y") for each in walks])
+    return np.array([runs.rms("rms_y") for runs in walks])

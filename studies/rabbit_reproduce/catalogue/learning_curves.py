@@ -55,7 +55,7 @@ class LearningCurves(Experiment):
 
     def claims(self, found: Found) -> list[Claim]:
         """The claims of each problem."""
-        return [self._claim(each, own) for each, own in by_contender(found.size).items()]
+        return [self._claim(contender, own) for contender, own in by_contender(found.size).items()]
 
     def _claim(self, contender: Contender, own: Sequence[Session]) -> Claim:
         last, ends = [settled(session) for session in own], [len(session) for session in own]
@@ -81,9 +81,9 @@ def by_contender(size: Size) -> dict[Contender, list[Session]]:
     """The trainings at scale 2."""
     every = [session for session in sessions(size) if session[0].mass_scale == TRAINING_SCALE]
     return {
-        each: [session for session in every if session[0].problem == each.controller]
-        for each in PAPER
-        if any(session[0].problem == each.controller for session in every)
+        contender: [session for session in every if session[0].problem == contender.controller]
+        for contender in PAPER
+        if any(session[0].problem == contender.controller for session in every)
     }
 
 
@@ -91,7 +91,7 @@ def trained_lines(size: Size) -> dict[TrainingJob, Line]:
     """A line for the last policy of each training of `--retrain`, at the scale that it was trained at."""
     if not (trained := size.trained):
         return {}
-    contenders, lines = {each.controller: each for each in PAPER}, dict[TrainingJob, Line]()
+    contenders, lines = {contender.controller: contender for contender in PAPER}, dict[TrainingJob, Line]()
     for recipe in trained.made:
         who = contenders[recipe.parameters.problem.name].with_policy(str(trained.policy(recipe)))
         lines[recipe] = Line(recipe.name, who.assembly(mass_scale=recipe.plant.mass_scale), columns=(MAIN,))

@@ -28,20 +28,20 @@ class PayloadFlat(Sweep):
     """How much each carries on flat ground: plants at scale 1, policies trained at scale 2; the oracle beside."""
 
     name = "payload-flat"
-    plants: ClassVar = {each: {} for each in (*FLAT, CLF_ORACLE)}
-    paper_values: ClassVar = {(each, most): f"up to {most:g} kg" for each, most in PAPER.items()}
+    plants: ClassVar = {contender: {} for contender in (*FLAT, CLF_ORACLE)}
+    paper_values: ClassVar = {(contender, most): f"up to {most:g} kg" for contender, most in PAPER.items()}
 
     def claims(self, found: Found) -> list[Claim]:
         """How far each comes."""
         nominal, best, claims = self.row(found, CLF), self.row_at_best(found, CLF), []
-        for each, most in PAPER.items():
-            walks = self.row(found, each)
+        for contender, most in PAPER.items():
+            walks = self.row(found, contender)
             inside = [value for value in self.values if LEAST <= value <= most]
             parts = {f"{value:g} kg": walks[value].passes for value in inside}
             ours = f"{self.largest(walks)}; nominal {self.largest(nominal)}"
             passes = all(nominal[value].passes for value in inside)
             tuned = self.largest(best), all(best[value].passes for value in inside)
-            claims.append(self.claim("range", ours, parts, passes, tuned, who=each.title, most=f"{most:g}"))
+            claims.append(self.claim("range", ours, parts, passes, tuned, who=contender.title, most=f"{most:g}"))
         return claims
 
 
@@ -49,7 +49,7 @@ class PayloadStones(Sweep):
     """What RL-CBF-CLF-QP carries over stones, by the same plants and policies; the oracle for what the QP allows."""
 
     name = "payload-stones"
-    plants: ClassVar = {each: {} for each in (*STONES, CBF_CLF_ORACLE)}
+    plants: ClassVar = {contender: {} for contender in (*STONES, CBF_CLF_ORACLE)}
     paper_values: ClassVar = {(RL_CBF_CLF, most): "walks" for most in RANGE}
 
     def claims(self, found: Found) -> list[Claim]:
@@ -59,8 +59,8 @@ class PayloadStones(Sweep):
         )
         inside = [value for value in self.values if RANGE[0] <= value <= RANGE[1]]
         parts, kept = (
-            {f"{value:g} kg": each[value].with_forces >= ENOUGH * each[value].runs for value in inside}
-            for each in (walks, best)
+            {f"{value:g} kg": row[value].with_forces >= ENOUGH * row[value].runs for value in inside}
+            for row in (walks, best)
         )
         ours = (
             f"{missing(parts) or 'all of them'}; without regard to forces {self.largest(walks)}, "

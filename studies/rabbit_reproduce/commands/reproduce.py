@@ -44,19 +44,20 @@ def reproduce(
     from rabbit_reproduce.table_lines import FULL, QUICK
     from rabbit_reproduce.training import retrain as retrained
 
-    known = {each.name: each for each in EXPERIMENTS}
+    known = {experiment.name: experiment for experiment in EXPERIMENTS}
     names, processes = None if names == ["all"] else names, who_runs(jobs, cluster)
     if figure:
-        shown = [name for name, each in known.items() if each.label == FIGURES[figure - 1]]
+        shown = [name for name, experiment in known.items() if experiment.label == FIGURES[figure - 1]]
         names = [
             *(names or ()),
             *(shown or fail(f"--figure {figure}: expected 2 to 5, Fig. 1 is a drawing of the method")),
         ]
     if show or is_bare(context):
-        for name, each in known.items():
-            print(f"{name:24s} {each.title} ({each.place}){'; needs --retrain' * each.needs_training}")
+        for name, experiment in known.items():
+            needs = "; needs --retrain" * experiment.needs_training
+            print(f"{name:24s} {experiment.title} ({experiment.place}){needs}")
         if is_bare(context):
-            runs = sum(len(each.jobs(FULL)) for each in known.values() if not each.needs_training)
+            runs = sum(len(experiment.jobs(FULL)) for experiment in known.values() if not experiment.needs_training)
             tell_if_bare(
                 context,
                 f"All that need no --retrain: up to {runs:,} runs, {about_so_long(runs, processes)}; --quick makes few."
@@ -70,11 +71,11 @@ def reproduce(
     if wrong := [name for name in names or () if known[name].needs_training and not retrain]:
         fail(f"{wrong[0]}: expected --retrain, it needs the policies of all episodes of a training")
     own_folder(out, "reproduce")
-    chosen = [each for name, each in known.items() if name in (names or known) and (retrain or not each.needs_training)]
+    chosen = [e for name, e in known.items() if name in (names or known) and (retrain or not e.needs_training)]
     size = replace(QUICK if quick else FULL, plant=plant)
     with complaints(JobError), going_on_from("the runs that are done"):
         if retrain:
-            wanted = dict.fromkeys(recipe for each in chosen for recipe in each.trainings(size))
+            wanted = dict.fromkeys(recipe for experiment in chosen for recipe in experiment.trainings(size))
             trained = retrained(list(wanted), out / "training", jobs or os.cpu_count() or 1, plant)
             size = replace(size, trained=trained)
         page, done = make(chosen, size, out, list(known), processes)

@@ -54,8 +54,8 @@ def c_of(*functions: ca.Function) -> str | None:
     A DAQP inside is one with `error_on_fail` off, and with bounds in order, which C does not check. Several threads may
     call it, with all inputs and the first output. Nobody else may make a function meanwhile, see `functions.building`.
     """
-    inside = [each for function in functions for each in (function, *function.find_functions())]
-    if not {each.class_name() for each in inside} <= KNOWN:
+    inside = [inner for function in functions for inner in (function, *function.find_functions())]
+    if not {inner.class_name() for inner in inside} <= KNOWN:
         return None
     generator = ca.CodeGenerator("function.c", {"casadi_int": "long long int"})
     for function in functions:
@@ -192,11 +192,11 @@ def cache() -> Path:
 
 def remove_old(folder: Path) -> None:
     """Libraries that nobody has used for long, and what ended processes have left."""
-    for each in folder.iterdir():
+    for entry in folder.iterdir():
         with suppress(OSError):
-            about, is_folder = each.stat(), each.is_dir()
+            about, is_folder = entry.stat(), entry.is_dir()
             if time.time() - max(about.st_atime, about.st_mtime) > (ABANDONED if is_folder else UNUSED):
-                shutil.rmtree(each) if is_folder else each.unlink()
+                shutil.rmtree(entry) if is_folder else entry.unlink()
 
 
 @atexit.register

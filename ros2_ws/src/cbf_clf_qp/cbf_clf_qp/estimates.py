@@ -51,7 +51,7 @@ class Estimates:
     @classmethod
     def of_many(cls, estimates: Sequence["Estimates"]) -> "Estimates":
         """The estimates of N robots, from those of each; the output errors are known if all are."""
-        alpha, beta, errors = zip(*(vars(each).values() for each in estimates), strict=True)
+        alpha, beta, errors = zip(*(vars(robot).values() for robot in estimates), strict=True)
         known = None if any(error is None for error in errors) else np.array(errors)
         return cls(np.array(alpha), np.array(beta), known)
 

@@ -71,15 +71,15 @@ def build_qp(blocks: Sequence[Rows], objective: Affine | None, control: Affine) 
     mu = `unroot` times the first variables; a slack = `slack_scale` times its variable, a row = `row_scale` times
     that of A x.
     """
-    inputs, each = control.a.shape[1], [(block, name) for block in blocks for name in block.names]
-    scale = ca.vertcat(*(ca.SX(block.slack_weight) for block, _ in each)) ** -0.5  # 0 where a row is HARD
-    is_soft = np.array([not scale[i].is_zero() for i in range(len(each))], dtype=bool)
-    rescues = is_soft & np.array([block.rescue for block, _ in each], dtype=bool)
-    layout = Layout(tuple(name for _, name in each), inputs, rescues, np.eye(len(each))[:, is_soft])
+    inputs, named = control.a.shape[1], [(block, name) for block in blocks for name in block.names]
+    scale = ca.vertcat(*(ca.SX(block.slack_weight) for block, _ in named)) ** -0.5  # 0 where a row is HARD
+    is_soft = np.array([not scale[i].is_zero() for i in range(len(named))], dtype=bool)
+    rescues = is_soft & np.array([block.rescue for block, _ in named], dtype=bool)
+    layout = Layout(tuple(name for _, name in named), inputs, rescues, np.eye(len(named))[:, is_soft])
     objective = objective or Affine.identity(inputs)
     unroot = inverse(objective.a)
     of_mu = ca.vertcat(ca.SX(0, inputs), *(block.A for block in blocks))
-    in_mu = ca.vertcat(*(ca.SX(block.in_mu) for block, _ in each))
+    in_mu = ca.vertcat(*(ca.SX(block.in_mu) for block, _ in named))
     units = ca.if_else(in_mu, ca.fmax(ca.sqrt(ca.sum2(of_mu**2)), TINY), 1)  # of the slacks, in units of the row
     A = ca.horzcat(of_mu @ unroot, ca.diag(-scale * units) @ ca.sparsify(ca.DM(layout.of_slacks)))
     size = ca.densify(ca.fmax(ca.sqrt(ca.sum2(A**2)), TINY))  # norms of the rows
@@ -138,7 +138,7 @@ def broken(value: ca.SX, lower: ca.SX, upper: ca.SX, layout: Layout) -> ca.SX:
     """
     if not layout.hard:
         return ca.SX(0)
-    value, lower, upper = (each[layout.hard] for each in (value, lower, upper))
+    value, lower, upper = (column[layout.hard] for column in (value, lower, upper))
     size, has_both = 1 + ca.fmin(ca.fabs(lower), ca.fabs(upper)), ca.fmax(-lower, upper) < UNBOUNDED
     widths = ca.if_else(has_both, ca.fmax(upper - lower, CLOSEST * size), size)
     return ca.fmax(0, ca.mmax(ca.fmax(value - upper, lower - value) / widths))

@@ -88,7 +88,7 @@ class Terms:
     """
 
     def __init__(self, system: System, constrained: Sequence[Constrained], control: Affine | None = None) -> None:
-        self.system, self.quantities = system, tuple(each.on(system) for each in constrained)
+        self.system, self.quantities = system, tuple(quantity.on(system) for quantity in constrained)
         self.names = tuple(name for quantity in self.quantities for name in quantity.names)
         if len(set(self.names)) < len(self.names):
             raise ValueError(f"quantities {', '.join(self.names)}: expected different names")
@@ -97,7 +97,7 @@ class Terms:
             control = self.outputs.inverse()
         self.control = control or Affine.identity(system.u.numel())
         nothing = Affine(ca.SX(0, system.u.numel()), ca.SX(0, 1))
-        self.nominal = Affine.stacked([nothing, *(each.value for each in self.quantities)]).after(self.control)
+        self.nominal = Affine.stacked([nothing, *(quantity.value for quantity in self.quantities)]).after(self.control)
         n, m = self.nominal.a.shape
         self.inputs = int(m)
         alpha, beta, error = ca.SX.sym("alpha", n, m), ca.SX.sym("beta", n), ca.SX.sym("output_error", m, m + 1)

@@ -164,7 +164,7 @@ def estimation() -> tuple[ca.Function, Mapping[str, Place]]:
     rows = {"memory": MEMORY, "sensors": SENSORS, "settings": SETTINGS}
     symbols = {name: ca.SX.sym(name, layout.size) for name, layout in rows.items()}
     named = [SimpleNamespace(**layout.parts(symbols[name])) for name, layout in rows.items()]
-    begin, go_on = (NumpyFunction.of(each.__name__, symbols, each(*named)) for each in (begun, gone_on))
+    begin, go_on = (NumpyFunction.of(function.__name__, symbols, function(*named)) for function in (begun, gone_on))
     either = ca.Function.if_else("either", begin.function, go_on.function)
     given = [ca.MX.sym(name, layout.size) for name, layout in rows.items()]
     found = either(SENSORS.parts(given[1])["tick"] == 0, *given)
@@ -237,12 +237,12 @@ def watched(m: Any, s: Any, p: Any) -> Any:
     """Which foot stands, since when, and under which load: the swing foot lands, or the stance foot after a hop."""
     is_late = p.sensor_delay > 0  # late readings do not show a landing yet
     ground = (m.tick, s.tick), (m.contact, s.contact), (m.foot_force, s.foot_force)
-    tick, contact, force = (ca.if_else(is_late, *each) for each in ground)
+    tick, contact, force = (ca.if_else(is_late, *pair) for pair in ground)
     is_down = ca.if_else(m.stance, contact, contact[[1, 0]])  # of the swing and the stance foot
     steps = ca.logic_and(is_down[0], (tick - m.landed) * p.tick_seconds > p.least_step)
     stance, standing = ca.if_else(steps, 1 - m.stance, m.stance), ca.logic_or(steps, is_down[1])
     lands = ca.logic_or(steps, ca.logic_and(standing, ca.logic_not(m.standing)))
-    landed, load, push = (ca.if_else(lands, *each) for each in ((tick, m.landed), (0, m.load), (0, m.push)))
+    landed, load, push = (ca.if_else(lands, *pair) for pair in ((tick, m.landed), (0, m.load), (0, m.push)))
     settled = m.unsettled * p.settling ** (p.tick_seconds / TICK_SECONDS)
     normal = ca.if_else(stance, force[3], force[1])  # the tick's mean; at its end it has changed by half as much
     end = ca.if_else(landed == tick, normal, normal + (normal - push) / 2)

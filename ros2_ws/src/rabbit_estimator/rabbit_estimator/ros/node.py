@@ -153,7 +153,7 @@ class EstimatorNode(SimulatorFollower):
         at = nanoseconds(message.header.stamp)
         if not all(at in said for said in self._said.values()):
             return False
-        sensors = BodySensors(*(each for said in self._said.values() for each in said[at]))
+        sensors = BodySensors(*(field for said in self._said.values() for field in said[at]))
         try:
             state = self._estimator.update(replace(RobotState.of_message(message, None), sensors=sensors))
         except LostError as error:
