@@ -33,8 +33,8 @@ def reach(oracle: bool) -> float:
     motion = NumpyFunction.of("motion", {"x": arm.x, "u": u, "p": arm.p}, later)
     x, moves = np.array([-0.5, 0.3, 0.0, 0.0]), []
     for _ in range(round(2.0 / DT)):
-        found = error(x, nominal, true if oracle else nominal)
-        torque = tick(x, found.alpha, found.beta, found.output_error, mass=NOMINAL).u
+        errors = error(x, nominal, true if oracle else nominal)
+        torque = tick(x, errors.alpha, errors.beta, errors.output_error, mass=NOMINAL).u
         moves.append(motion(x, torque, true))
         x = moves[-1].x
     return max(move.height[0] for move in moves)

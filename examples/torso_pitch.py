@@ -38,9 +38,9 @@ if __name__ == "__main__":
     from rl_trainer.rollout import rollout
 
     heavy = SimulationParameters(terrain="flat", stones=20, mass_scale=2)
-    own = load_parameters("ours", controller=NAME)
+    tuning = load_parameters("ours", controller=NAME)
     for policy, seed in ((policy, seed) for policy in ("zero", *sys.argv[1:]) for seed in range(901, 906)):
         walk: list[Any] = []
-        end = rollout(*Assembly(heavy, own, policy).build(), seed, walk.append)
+        end = rollout(*Assembly(heavy, tuning, policy).build(), seed, walk.append)
         lean = max(tick.state.q[PITCH] for tick in walk)
         print(f"{policy}, seed {seed}: {end.touchdowns} steps, lean up to {lean:.4f} rad, limit {LIMIT}")

@@ -51,7 +51,7 @@ class Links(HTMLParser):
 def dead_links(site: Path) -> list[str]:
     """Links to no file or anchor of a site, and to a page's Markdown, which a browser downloads, as `page: address`."""
     pages = {path.resolve(): Links(path) for path in sorted(site.rglob("*.html"))}
-    found = []
+    wrong = []
     for page, links in pages.items():
         for address in sorted(links.addresses):
             parts = urlsplit(address)
@@ -59,8 +59,8 @@ def dead_links(site: Path) -> list[str]:
             is_anchor = "=" not in parts.fragment  # the first page reads settings there
             anchor_lacks = target in pages and is_anchor and unquote(parts.fragment) not in pages[target].anchors
             if not target.is_file() or target.suffix == ".md" or anchor_lacks:
-                found.append(f"{page.relative_to(site.resolve())}: {address}")
-    return found
+                wrong.append(f"{page.relative_to(site.resolve())}: {address}")
+    return wrong
 
 
 def install_sphinx() -> None:
@@ -103,10 +103,10 @@ def build() -> None:
     if subprocess.run(command, cwd=ROOT, env=environment, check=False).returncode:
         raise SetUpError("Sphinx warned or failed: see the lines above")
     build_first_page()
-    if found := outside_requests(SITE):
-        raise SetUpError(f"pages that ask something of another host: {'; '.join(found)}")
-    if found := dead_links(SITE):
-        raise SetUpError(f"links that lead nowhere, or to a page's Markdown: {'; '.join(found)}")
+    if wrong := outside_requests(SITE):
+        raise SetUpError(f"pages that ask something of another host: {'; '.join(wrong)}")
+    if wrong := dead_links(SITE):
+        raise SetUpError(f"links that lead nowhere, or to a page's Markdown: {'; '.join(wrong)}")
     say(f"docs: {SITE.relative_to(ROOT)}/index.html")
 
 

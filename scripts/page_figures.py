@@ -30,10 +30,10 @@ class FigureError(ValueError):
 def made(text: str, page: Page) -> str:
     """The text with the figures of the tables; raises `FigureError`."""
     for fragment in page.fragments:
-        found = _fragment(fragment, text)
+        match = _fragment(fragment, text)
         figures = [figure for figure in FIGURE.findall(fragment) if figure != "#"]
         for number, figure in reversed(list(enumerate(figures, 1))):
-            text = text[: found.start(number)] + figure + text[found.end(number) :]
+            text = text[: match.start(number)] + figure + text[match.end(number) :]
     for name, block in page.blocks.items():
         start, end = _block(name, text).span(1)
         text = f"{text[:start]}\n\n{block.strip()}\n\n{text[end:]}"
@@ -56,10 +56,10 @@ def _block(name: str, text: str) -> re.Match[str]:
 
 
 def _once(pattern: str, what: str, text: str) -> re.Match[str]:
-    found = list(re.finditer(pattern, text, re.DOTALL))
-    if len(found) != 1:
-        raise FigureError(f"expected once, is there {len(found)} times: {what}")
-    return found[0]
+    matches = list(re.finditer(pattern, text, re.DOTALL))
+    if len(matches) != 1:
+        raise FigureError(f"expected once, is there {len(matches)} times: {what}")
+    return matches[0]
 
 
 if __name__ == "__main__":

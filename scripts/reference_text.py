@@ -146,14 +146,14 @@ GENERATED = re.compile(r"(<!-- generated: (\w+) -->\n)\n.*?\n(\n<!-- end -->)", 
 
 def with_tables(page: str) -> str:
     """A page whose parts between `<!-- generated: NAME -->` and `<!-- end -->` are what the function NAME gives."""
-    return GENERATED.sub(lambda found: f"{found[1]}\n{globals()[found[2]]()}\n{found[3]}", page)
+    return GENERATED.sub(lambda match: f"{match[1]}\n{globals()[match[2]]()}\n{match[3]}", page)
 
 
 def modules(package: str) -> Iterator[str]:
     """Names of a package's modules, without those of its commands and nodes."""
     yield package
-    found = importlib.import_module(package)
-    for module in pkgutil.walk_packages(found.__path__, f"{package}."):
+    root = importlib.import_module(package)
+    for module in pkgutil.walk_packages(root.__path__, f"{package}."):
         parts = module.name.split(".")
         if not {"ros", "commands"} & set(parts) and not any(part.startswith("_") for part in parts):
             yield module.name
@@ -163,8 +163,8 @@ def api(package: str) -> str:
     """What autodoc makes of each module."""
     directive = "```{{eval-rst}}\n.. automodule:: {0}\n{1}```\n"
     members = "   :members:\n   :show-inheritance:\n"
-    found = [(name, "" if hasattr(importlib.import_module(name), "__path__") else members) for name in modules(package)]
-    return "\n".join(f"## {name}\n\n{directive.format(name, part)}" for name, part in found)
+    parts = [(name, "" if hasattr(importlib.import_module(name), "__path__") else members) for name in modules(package)]
+    return "\n".join(f"## {name}\n\n{directive.format(name, part)}" for name, part in parts)
 
 
 if __name__ == "__main__":

@@ -121,15 +121,15 @@ Runs = dict[str, dict[str, tuple[int, int]]]
 @cache
 def gains() -> Runs:
     """Courses of 20 walked in PyBullet and in MuJoCo, by mass or payload, then by controller."""
-    found: Runs = {}
+    runs: Runs = {}
     rows = [row for row in read_rows(REPRODUCED / RUNS) if row["experiment"] == "higher-gain"]
     for one, other in zip(rows[::2], rows[1::2], strict=True):
         what, _, value = one["what"].rpartition(": ")
         name, _, plant = what.rpartition(", ")
         title = f"mass scale {value}" if plant.startswith("mass") else f"{value} kg"
         if title != "0 kg":  # which is mass scale 1
-            found.setdefault(title, {})[name] = (int(one["walked"]), int(other["walked"]))
-    return found
+            runs.setdefault(title, {})[name] = (int(one["walked"]), int(other["walked"]))
+    return runs
 
 
 NOMINAL, TUNED, HIGH_GAIN, PAPER, _, BEST = GAINS = [

@@ -26,18 +26,18 @@ ALONE = 4  # runs that are walked one at a time
 class TimedRollout:
     """A `mujoco.rollout.Rollout` that notes its CPU seconds; where `again`, those of doing the same once more."""
 
-    def __init__(self, own: Any) -> None:
-        self._own, self.again = own, False
+    def __init__(self, rollout: Any) -> None:
+        self._rollout, self.again = rollout, False
         self.seconds, self.bare = list[float](), list[float]()
 
     def rollout(self, *given: Any, **options: Any) -> None:
         """See `Rollout`."""
         start = time.process_time()
-        self._own.rollout(*given, **options)
+        self._rollout.rollout(*given, **options)
         self.seconds.append(time.process_time() - start)
         if self.again:
             start = time.process_time()
-            self._own.rollout(*given, **options)
+            self._rollout.rollout(*given, **options)
             self.bare.append(time.process_time() - start)
 
 
@@ -52,8 +52,8 @@ def bench_batch(assembly: Assembly, robots: int, ticks: int, seed: int) -> dict[
     alone = [walk(assembly, run, episode).row.ticks for run, episode in enumerate(seeds[:ALONE])]
     one = (time.process_time() - start) / sum(alone)
     start = time.process_time()
-    found = [result.row.ticks for _, result in walk_together(controller, [assembly] * robots, range(robots), seeds)]
-    many = (time.process_time() - start) / sum(found)
+    lengths = [result.row.ticks for _, result in walk_together(controller, [assembly] * robots, range(robots), seeds)]
+    many = (time.process_time() - start) / sum(lengths)
     figures["us"] |= {"evaluation, one run at a time": one * 1e6, "evaluation, in a batch": many * 1e6}
     figures["ratios"]["evaluation in a batch, times as fast"] = one / many
     return figures

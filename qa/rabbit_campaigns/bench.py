@@ -136,5 +136,5 @@ def first_tick_seconds() -> dict[str, float]:
         environment = {**os.environ, CACHE: folder}
         command = [sys.executable, "-c", FIRST_TICK]
         runs = [subprocess.run(command, env=environment, check=True, stdout=subprocess.PIPE) for _ in range(2)]
-        found = [json.loads(run.stdout) for run in runs]
-    return {"first_tick_s.cold": found[0], "first_tick_s.warm": found[1]}
+        seconds = [json.loads(run.stdout) for run in runs]
+    return {"first_tick_s.cold": seconds[0], "first_tick_s.warm": seconds[1]}

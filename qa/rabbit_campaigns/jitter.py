@@ -54,14 +54,14 @@ def walk_beside(
 
 def figures(recording: Path) -> dict[str, Any]:
     """The figures of one walk: timing, how its episodes ended, ticks lost on the way to the recorder."""
-    found = contents(recording)
-    outcomes = Counter(sorted(episode.outcome for episode in found.episodes if episode.outcome not in ("", CUT_OFF)))
+    recorded = contents(recording)
+    outcomes = Counter(sorted(episode.outcome for episode in recorded.episodes if episode.outcome not in ("", CUT_OFF)))
     return {
         **(real_time_figures(recording) or {}),
         "episodes": outcomes.total(),
         "outcomes": dict(outcomes),
-        "messages": {topic.name.split("/")[-1]: topic.messages for topic in found.topics},
-        "lost": sum(episode.lost for episode in found.episodes),
+        "messages": {topic.name.split("/")[-1]: topic.messages for topic in recorded.topics},
+        "lost": sum(episode.lost for episode in recorded.episodes),
     }
 
 

@@ -125,22 +125,22 @@ OUTSIDE_STONES: dict[str, dict[str, Any]] = {
 @cache
 def cells() -> dict[str, Cell]:
     """All, by name, in the order of tables and pictures."""
-    found: list[Cell] = []
+    listed: list[Cell] = []
     for terrain in TERRAINS:
-        found += (Cell(f"{terrain}/{name}", "inside", terrain, values) for name, values in INSIDE.items())
+        listed += (Cell(f"{terrain}/{name}", "inside", terrain, values) for name, values in INSIDE.items())
         changes = OUTSIDE | (OUTSIDE_STONES if terrain == "stones" else {})
         for base, masses in BASES.items():
             for name, values in changes.items():
                 both = masses | values
                 if name == "payload-ahead" and base == "40kg":
                     both = masses | {"payload_ahead": 0.1}
-                found.append(Cell(f"{terrain}/{base}-{name}", "outside", terrain, both))
-        found.append(Cell(f"{terrain}/storm", "storm", terrain))
+                listed.append(Cell(f"{terrain}/{base}-{name}", "outside", terrain, both))
+        listed.append(Cell(f"{terrain}/storm", "storm", terrain))
         for name, family in families().families.items():
             if family.on(terrain):
-                found.append(Cell(f"{terrain}/{name}", family.split, terrain))
-        found.append(Cell(f"{terrain}/storm-2", "storm-2", terrain))
-    return {cell.name: cell for cell in found}
+                listed.append(Cell(f"{terrain}/{name}", family.split, terrain))
+        listed.append(Cell(f"{terrain}/storm-2", "storm-2", terrain))
+    return {cell.name: cell for cell in listed}
 
 
 def chosen(patterns: Sequence[str]) -> list[Cell]:

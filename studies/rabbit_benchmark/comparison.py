@@ -51,5 +51,5 @@ def of_so_many(others: int, walked: int, courses: int) -> tuple[int, int]:
 
     The beta-binomial distribution, from Jeffreys' prior of the share walked.
     """
-    found = stats.betabinom(others, walked + 0.5, courses - walked + 0.5)
-    return int(found.ppf(0.025)), int(found.ppf(0.975))
+    distribution = stats.betabinom(others, walked + 0.5, courses - walked + 0.5)
+    return int(distribution.ppf(0.025)), int(distribution.ppf(0.975))

@@ -59,8 +59,8 @@ class Method:
     def on(self, terrain: Terrain, where: Map | None = None) -> Contender | None:
         """The method's controller there."""
         contender = self.stones if terrain == "stones" else self.flat
-        own = self.tuned.get((LIKE.get(where, where), terrain), {}) if where else {}
-        return contender and _with(contender, own)
+        tuning = self.tuned.get((LIKE.get(where, where), terrain), {}) if where else {}
+        return contender and _with(contender, tuning)
 
 
 PAPER_POLICY = "DDPG at mass scale 2, no motor lag, seed 1: 6,572 transitions on stones, 7,981 on flat ground"
@@ -134,9 +134,9 @@ BUILT_IN = (
 
 def names() -> list[str]:
     """The names of all methods, the built-in ones first; raises `MethodError` where two are the same."""
-    own = [built_in.name for built_in in BUILT_IN]
+    ours = [built_in.name for built_in in BUILT_IN]
     try:
-        return [*own, *(name for name in plugins.names(GROUP) if name not in own)]
+        return [*ours, *(name for name in plugins.names(GROUP) if name not in ours)]
     except LookupError as error:
         raise MethodError(str(error)) from error
 
@@ -149,12 +149,12 @@ def method(name: str) -> Method:
     if name not in names():
         raise MethodError(f"{name}: expected {one_of(name, names())}")
     try:
-        found = plugins.load(GROUP, name)
+        entered = plugins.load(GROUP, name)
     except LookupError as error:
         raise MethodError(str(error)) from error
-    if not isinstance(found, Method) or found.name != name:
-        raise MethodError(f"{GROUP} {name}: expected a Method of this name, found {found!r}")
-    return found
+    if not isinstance(entered, Method) or entered.name != name:
+        raise MethodError(f"{GROUP} {name}: expected a Method of this name, found {entered!r}")
+    return entered
 
 
 def variants(text: str) -> list[Method]:
@@ -188,6 +188,6 @@ def _tuned(base: Method, tuning: tuple[tuple[str, Any], ...]) -> Method:
         return base
     about = [f"{name}={value:g}" if isinstance(value, float) else f"{name}={value}" for name, value in tuning]
     stones, flat = (contender and _with(contender, dict(tuning)) for contender in (base.stones, base.flat))
-    tuned = {where: own | dict(tuning) for where, own in base.tuned.items()}
+    tuned = {where: changes | dict(tuning) for where, changes in base.tuned.items()}
     name, title = ":".join([base.name, *about]), ", ".join([base.title, *about])
     return replace(base, name=name, title=title, stones=stones, flat=flat, tuned=tuned)

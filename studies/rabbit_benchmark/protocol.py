@@ -78,10 +78,10 @@ Track = Callable[[Sequence[tuple[Method, Cell]]], Iterable[tuple[Method, Cell]]]
 
 def plan(protocol: Protocol, methods: Sequence[Method], cells: Sequence[Cell], track: Track = iter) -> Plan:
     """Runs by method and cell, or the reason why there are none; `track` is given all pairs to show how far it is."""
-    found: Plan = {}
+    plan: Plan = {}
     for method, cell in track([(method, cell) for method in methods for cell in cells]):
         try:
-            found[method, cell] = protocol.walks(method, cell)
+            plan[method, cell] = protocol.walks(method, cell)
         except CannotTake as reason:
-            found[method, cell] = str(reason)
-    return found
+            plan[method, cell] = str(reason)
+    return plan

@@ -149,8 +149,8 @@ class Benchmark:
     def _cost(self) -> str:
         lines = []
         for method in self.methods:
-            found = [self.results[method, cell] for cell in self.cells]
-            every = [result for results in found if not isinstance(results, str) for result in results]
+            in_cells = [self.results[method, cell] for cell in self.cells]
+            every = [result for results in in_cells if not isinstance(results, str) for result in results]
             tick = f"{times(every)['tick_ms_p50']:.2f}" if every else ""
             lines.append((method.title, tick, method.trained_on or "nothing"))
         return markdown_table(("method", "tick, median (ms)", "trained on"), lines)

@@ -84,9 +84,9 @@ class Table:
 
     def walked_more(self, reference: str) -> dict[str, list[str]]:
         """The methods, by cell, that walk the most courses there, where the reference does not."""
-        found = {}
+        by_cell = {}
         for cell in self.cells:
             walked = {method: self.walked(method, [cell]) for method in self.methods if (method, cell) in self.rows}
             if (most := max(walked.values())) > walked.get(reference, most):
-                found[cell] = [method for method, courses in walked.items() if courses == most]
-        return found
+                by_cell[cell] = [method for method, courses in walked.items() if courses == most]
+        return by_cell

@@ -73,11 +73,11 @@ class Watched:
     def update(self, state: RobotState) -> RobotState:
         """The filter's answer."""
         estimated, true = self._filter.update(state), self.simulation.reading
-        covariance, found = self._filter.angles_and_rates_covariance(), self._filter.found
+        covariance, belief = self._filter.angles_and_rates_covariance(), self._filter.belief
         error = np.concatenate([estimated.q[2:] - true.q[2:], estimated.dq - true.dq])
         parts = [normalised(error[group], covariance[np.ix_(group, group)]) for group in GROUPS.values()]
-        measured = int(found.measured[0])
-        nis = found.nis.item() / max(measured, 1)
+        measured = int(belief.measured[0])
+        nis = belief.nis.item() / max(measured, 1)
         if state.touchdowns != self._landed[0]:
             self._landed = (state.touchdowns, state.tick)
         since = state.tick - self._landed[1]

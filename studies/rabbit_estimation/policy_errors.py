@@ -79,12 +79,12 @@ def errors(
 ) -> dict[str, Errors]:
     """The errors of each quantity, as above, over T ticks; `mu`, `LgV` (T, 4). None: has no meaning."""
     guess, truth = _stacked(estimated), _stacked(true)
-    found = {name: _errors(guess[:, i], truth[:, i], mu) for i, name in enumerate(problem.quantities)}
+    errors = {name: _errors(guess[:, i], truth[:, i], mu) for i, name in enumerate(problem.quantities)}
     if problem.has_clf:
         unit = np.linalg.norm(LgV, axis=1, keepdims=True) + 1
-        found["V_unscaled"] = found["V"]
-        found["V"] = _errors(guess[:, 0] / unit, truth[:, 0] / unit, mu)
-    return found
+        errors["V_unscaled"] = errors["V"]
+        errors["V"] = _errors(guess[:, 0] / unit, truth[:, 0] / unit, mu)
+    return errors
 
 
 def _walk(assembly: Assembly, seed: int) -> tuple[dict[str, Any], list[tuple[ControllerOutput, Scene]]]:

@@ -60,13 +60,13 @@ def design_library(
     for what, start, among in (("lengths", base.step_length, lengths), ("slopes", base.slope, slopes)):
         if start not in among:
             raise ValueError(f"{what} = {list(among)}: expected {start:g}, the start's, among them")
-    found = dict[Place, Gait]()
+    designed = dict[Place, Gait]()
     first = (list(slopes).index(base.slope), list(lengths).index(base.step_length))
     for place, neighbour in outwards(first, (len(slopes), len(lengths))):
         spec = specifications[place[0]][place[1]]
-        found[place] = design_gait(spec, progress and progress(spec.name), neighbour and found[neighbour])
+        designed[place] = design_gait(spec, progress and progress(spec.name), neighbour and designed[neighbour])
     made_by = {"command": "rabbit gait", "specification": base.model_dump(mode="json"), "speed_slope": speed_slope}
-    gaits = [found[place] for place in sorted(found)]
+    gaits = [designed[place] for place in sorted(designed)]
     return GaitLibrary(name=base.name, start_length=base.step_length, gaits=gaits, metadata=made_by)
 
 

@@ -76,7 +76,7 @@ def design(
     programme = _Programme(walker, wanted, guess.coeffs[:, 2:].shape)
     first, iterations = np.append(guess.coeffs[:, 2:], guess.phase_angle_end), count(1)
     try:
-        found = minimize(
+        optimum = minimize(
             programme.cost,
             first,
             method="SLSQP",
@@ -87,10 +87,10 @@ def design(
         )
     except (ArithmeticError, np.linalg.LinAlgError) as error:
         raise PlanarDesignError(f"no gait of {wanted} found: {error}") from error
-    broken = programme.broken(found.x)
+    broken = programme.broken(optimum.x)
     if broken:
-        raise PlanarDesignError(f"no gait of {wanted} found ({found.message}); still broken: {', '.join(broken)}")
-    return RepeatedStep(walker, programme.path(found.x))
+        raise PlanarDesignError(f"no gait of {wanted} found ({optimum.message}); still broken: {', '.join(broken)}")
+    return RepeatedStep(walker, programme.path(optimum.x))
 
 
 def search(

@@ -58,14 +58,14 @@ def plot_library(library: GaitLibrary) -> Figure:
     else:
         gaits, places, label = library.gaits, library.lengths, "step length (m)"
     orbits = [Orbit(gait, 201) for gait in gaits]
-    found = [orbit.figures() for orbit in orbits]
+    figures = [orbit.figures() for orbit in orbits]
     figure = Figure(figsize=(9, 3), layout="constrained")
     feet, over = figure.subplots(1, 2)
     for orbit in orbits:
         feet.plot(*orbit.series("swing").T)
     feet.set(xlabel="from the stance foot (m)", ylabel="swing foot's height (m)")
     for name in ("speed", "eigenvalue", "friction_used"):
-        over.plot(places, [getattr(gait, name) for gait in found], marker="o", markersize=3, label=name)
+        over.plot(places, [getattr(gait, name) for gait in figures], marker="o", markersize=3, label=name)
     over.set(xlabel=label, ylim=(0, None))
     over.legend()
     figure.suptitle(f"{library.name}: {len(library.gaits)} gaits")

@@ -159,12 +159,12 @@ class Transcription(ca.Opti):
 
     def _add_barriers(self) -> None:
         spec = self.specification
-        own = orbit_point.barrier_conditions(*astuple(spec.stone))
+        conditions = orbit_point.barrier_conditions(*astuple(spec.stone))
         farthest_stone = replace(spec.stone, l_min=spec.farthest_l_min, l_max=UNBOUNDED_STONE)
         farthest = orbit_point.barrier_conditions(*astuple(farthest_stone))
         for i, s in enumerate(self.s):
             foot = orbit_point.swing_foot()(*self.path, s, self.sigma[i], self.w[i])
-            self._add("barriers", ca.MX(own(*foot)), spec.barrier_margin)
+            self._add("barriers", ca.MX(conditions(*foot)), spec.barrier_margin)
             if s <= spec.clear_until:
                 self._add("farthest stone", ca.MX(farthest(*foot)[1]), spec.barrier_margin)
 

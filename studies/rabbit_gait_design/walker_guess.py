@@ -54,10 +54,10 @@ def double_support(walker: Walker, step_length: float) -> Array:
 def bends(walker: Walker) -> Array:
     """(n,), rad: each knee's `BEND` to the side on which its limits leave more room; 0 for what is no knee."""
     model = walker.model.model
-    found = np.zeros(model.nv)
+    bends = np.zeros(model.nv)
     for joint in range(1, model.njoints):
         place = model.idx_vs[joint]
         if place >= BASE and model.idx_vs[model.parents[joint]] >= BASE:
             room = model.lowerPositionLimit[place] + model.upperPositionLimit[place]
-            found[place] = -BEND if room < 0 else BEND
-    return found
+            bends[place] = -BEND if room < 0 else BEND
+    return bends

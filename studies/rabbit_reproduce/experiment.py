@@ -21,7 +21,7 @@ from rabbit_viewer import style
 from rabbit_reproduce.controllers import AT_ITS_BEST, Contender
 from rabbit_reproduce.curves import rate_figure
 from rabbit_reproduce.report import Claim, Report, Table, Verdict, judge
-from rabbit_reproduce.table_lines import MAIN, RIGID, Found, Line, Runs, Size, runs_table
+from rabbit_reproduce.table_lines import MAIN, RIGID, Line, Results, Runs, Size, runs_table
 from rabbit_reproduce.training import TrainingJob, that_made
 
 FIGURES = ("fig:Main", "fig:clf-results", "fig:clf-torso-results", "fig:stepping-stone", "fig:rl-cbf-clf-results")
@@ -69,20 +69,20 @@ class Experiment(ABC):
             lines.setdefault(_place(line), _tuned(line))
         return lines
 
-    def at_best(self, found: Found, line: Line) -> Walks:
+    def at_best(self, results: Results, line: Line) -> Walks:
         """That controller's runs where `line` walks."""
-        return found.walks(self.tuned[_place(line)])
+        return results.walks(self.tuned[_place(line)])
 
     def lines(self) -> Sequence[Line]:
         """The lines in the order of the table."""
         return [*self.by_key.values(), *self.tuned.values()]
 
-    def walks(self, found: Found) -> dict[Any, Walks]:
+    def walks(self, results: Results) -> dict[Any, Walks]:
         """The runs of each line."""
-        return {key: found.walks(line) for key, line in self.by_key.items()}
+        return {key: results.walks(line) for key, line in self.by_key.items()}
 
     @abstractmethod
-    def claims(self, found: Found) -> list[Claim]:
+    def claims(self, results: Results) -> list[Claim]:
         """The verdicts."""
 
     def claim(
@@ -103,7 +103,7 @@ class Experiment(ABC):
         verdict = judge(parts, nominal) if parts else Verdict.OPEN
         return Claim(**told, ours=ours, verdict=verdict, tuned=text, undone=undone)
 
-    def figures(self, found: Found) -> dict[str, Figure]:
+    def figures(self, results: Results) -> dict[str, Figure]:
         """The figures by name."""
         return {}
 
@@ -117,22 +117,22 @@ class Experiment(ABC):
         """What `--retrain` trains for it: the shipped policies that it uses."""
         return that_made(assembly.policy for job in self.jobs(size) for assembly in job.assemblies)
 
-    def tables(self, found: Found) -> Sequence[Table]:
+    def tables(self, results: Results) -> Sequence[Table]:
         """The tables of its lines."""
-        return (runs_table(self.lines(), found),)
+        return (runs_table(self.lines(), results),)
 
-    def _claims(self, found: Found) -> list[Claim]:
+    def _claims(self, results: Results) -> list[Claim]:
         """The claims with the verdicts on the rigid plant."""
-        is_beside = self.judged_on_rigid and found.size.columns([RIGID])
-        beside = self.claims(found.on_rigid) if is_beside else []
+        is_beside = self.judged_on_rigid and results.size.columns([RIGID])
+        beside = self.claims(results.on_rigid) if is_beside else []
         verdicts = {claim.claim: claim.verdict for claim in beside}
-        return [claim.model_copy(update={"on_rigid": verdicts.get(claim.claim)}) for claim in self.claims(found)]
+        return [claim.model_copy(update={"on_rigid": verdicts.get(claim.claim)}) for claim in self.claims(results)]
 
-    def report(self, found: Found) -> Report:
+    def report(self, results: Results) -> Report:
         """The report from results that are all there; raises `LookupError` where one is not."""
-        size = found.size
+        size = results.size
         with style.look():
-            figures = self.figures(found)
+            figures = self.figures(results)
         learned = [job.assembly for job in self.jobs(size) if job.assembly.policy not in ("zero", "oracle")]
         policies = {policy_name(assembly): assembly.make_policy().version for assembly in learned}
         options = " --quick" * size.quick + " --retrain" * (size.trained is not None)
@@ -145,7 +145,7 @@ class Experiment(ABC):
             "commit": provenance.commit(),
             "command": f"rabbit reproduce {self.name}{options}",
         }
-        return Report(self.name, about, self._claims(found), self.tables(found), figures)
+        return Report(self.name, about, self._claims(results), self.tables(results), figures)
 
 
 class Sweep(Experiment):
@@ -166,16 +166,16 @@ class Sweep(Experiment):
     def by_key(self) -> dict[Any, Line]:
         return {(contender, value): self._line(contender, value) for contender in self.plants for value in self.values}
 
-    def row(self, found: Found, contender: Contender) -> dict[float, Walks]:
+    def row(self, results: Results, contender: Contender) -> dict[float, Walks]:
         """A controller's runs, by value."""
-        return {value: found.walks(self.by_key[contender, value]) for value in self.values}
+        return {value: results.walks(self.by_key[contender, value]) for value in self.values}
 
-    def row_at_best(self, found: Found, contender: Contender) -> dict[float, Walks]:
+    def row_at_best(self, results: Results, contender: Contender) -> dict[float, Walks]:
         """The runs of the nominal controller at its best on the plants of another."""
-        return {value: self.at_best(found, self.by_key[contender, value]) for value in self.values}
+        return {value: self.at_best(results, self.by_key[contender, value]) for value in self.values}
 
-    def figures(self, found: Found) -> dict[str, Figure]:
-        rates = {contender: list(self.row(found, contender).values()) for contender in self.plants}
+    def figures(self, results: Results) -> dict[str, Figure]:
+        rates = {contender: list(self.row(results, contender).values()) for contender in self.plants}
         return {"rates": rate_figure(self.values, rates, self.axis, self.scale, list(self.paper_values))}
 
     def largest(self, walks: Mapping[float, Walks]) -> str:

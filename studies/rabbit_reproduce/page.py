@@ -11,7 +11,7 @@ from rabbit_experiments.tables import markdown_table
 
 from rabbit_reproduce.experiment import Experiment, catalogued
 from rabbit_reproduce.report import CLAIMS, RUNS, Verdict, read_rows
-from rabbit_reproduce.table_lines import Found, Size
+from rabbit_reproduce.table_lines import Results, Size
 
 PAGE = "results.md"
 Row = dict[str, str]
@@ -44,7 +44,7 @@ def make(
 
 def _write(experiments: Sequence[Experiment], cache: Cache, size: Size, out: Path) -> None:
     for experiment in experiments:
-        experiment.report(Found(cache, size)).write(out)
+        experiment.report(Results(cache, size)).write(out)
 
 
 def write_page(out: Path, names: Sequence[str]) -> Path:

@@ -109,7 +109,7 @@ class Line:
 
 
 @dataclass(frozen=True)
-class Found:
+class Results:
     """Results that are in the cache, of runs of one size; `column` is the plant whose walks are meant."""
 
     cache: Cache
@@ -117,7 +117,7 @@ class Found:
     column: Column = MAIN
 
     @property
-    def on_rigid(self) -> "Found":
+    def on_rigid(self) -> "Results":
         """The same runs on the paper's own kind of plant."""
         return replace(self, column=RIGID)
 
@@ -140,7 +140,7 @@ class Found:
         return records
 
 
-def runs_table(lines: Sequence[Line], found: Found) -> Table:
+def runs_table(lines: Sequence[Line], results: Results) -> Table:
     """A row for each line and plant."""
     columns = (
         *("what", "paper", "plant", "motor_lag", "policy", "seed", "runs", "walked", "low95", "high95"),
@@ -156,12 +156,12 @@ def runs_table(lines: Sequence[Line], found: Found) -> Table:
         ),
         *(*SUMMED, "falls", "command"),
     )
-    rows = tuple(_row(line, column, found) for line in lines for column in found.size.columns(line.columns))
+    rows = tuple(_row(line, column, results) for line in lines for column in results.size.columns(line.columns))
     return Table("runs", columns, rows)
 
 
-def _row(line: Line, column: Column, found: Found) -> tuple[Cell, ...]:
-    walks, scenario = found.walks(line, column), line.scenario(found.size, column)
+def _row(line: Line, column: Column, results: Results) -> tuple[Cell, ...]:
+    walks, scenario = results.walks(line, column), line.scenario(results.size, column)
     policy = scenario.assembly.make_policy().version  # a hash of its bytes
     return (
         *(line.what, line.paper, scenario.assembly.simulation.plant, column.lag, policy, scenario.seed, walks.runs),

@@ -111,7 +111,7 @@ def fit(x: Array, w: Array, z: Array, iterations: int = 100) -> Kernel:
     begin = np.log(np.concatenate([np.full(inputs + 1, z.std()), np.full(x.shape[1], 3.0), [0.3 * z.std()]]))
     begin[1 : inputs + 1] += np.log(0.3)
     low, high = begin - np.log(RANGE), begin + np.log(RANGE)
-    found = minimize(
+    optimum = minimize(
         negative_log_likelihood,
         begin,
         args=(x, w, z),
@@ -120,7 +120,7 @@ def fit(x: Array, w: Array, z: Array, iterations: int = 100) -> Kernel:
         bounds=list(zip(low, high, strict=True)),
         options={"maxiter": iterations},
     )
-    return kernel_of(found.x, inputs)
+    return kernel_of(optimum.x, inputs)
 
 
 def kernel_of(logs: Array, inputs: int) -> Kernel:

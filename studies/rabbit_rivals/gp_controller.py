@@ -86,9 +86,9 @@ class GpPolicy(Policy):
             means.append(size * self._to_mu * mean)
             factor = np.linalg.cholesky(covariance + TINY * np.eye(len(mean)))
             self.deviations.append(size * factor.T * self._to_mu)
-        found = np.array(means)
-        self.slopes = scene.seen.nominal_a + found[:, 1:]
-        return Estimates(found[:, 1:], found[:, 0])
+        weights = np.array(means)
+        self.slopes = scene.seen.nominal_a + weights[:, 1:]
+        return Estimates(weights[:, 1:], weights[:, 0])
 
 
 class ConeSolver:

@@ -33,15 +33,15 @@ def fit_session(
     x = ((columns["observation"] - center) / scale).astype(np.float32)
     mu, z = columns["mu"].astype(np.float32), columns["target"].astype(np.float32)
     part = np.random.default_rng(seed).permutation(len(x))[:FITTED]
-    found: dict[str, list[Any]] = {"signal": [], "lengths": [], "noise": [], "inducing": []}
+    fits: dict[str, list[Any]] = {"signal": [], "lengths": [], "noise": [], "inducing": []}
     for i, name in enumerate(problem.quantities):
         X, w, of_one = x.astype(float), mu / MU_UNIT, z[:, i].astype(float)
         kernel = fit(X[part], w[part], of_one[part])
-        found["signal"].append(kernel.signal)
-        found["lengths"].append(kernel.lengths)
-        found["noise"].append(kernel.noise)
+        fits["signal"].append(kernel.signal)
+        fits["lengths"].append(kernel.lengths)
+        fits["noise"].append(kernel.noise)
         chosen = spread(kernel, X, w, inducing)
-        found["inducing"].append(np.pad(chosen, (0, inducing - len(chosen)), constant_values=-1))
+        fits["inducing"].append(np.pad(chosen, (0, inducing - len(chosen)), constant_values=-1))
         tell(f"{name}: noise {kernel.noise:.3g} of {of_one.std():.3g}, signal {np.round(kernel.signal, 3)}")
     about = GpAbout(
         problem=problem.name,
@@ -55,8 +55,8 @@ def fit_session(
         hours=round((time.perf_counter() - start) / 3600, 3),
         command=f"rabbit train --problem {problem.name} --seed {parameters.seed} --out DIR; rabbit rival gp DIR",
     )
-    kernels = {name: np.array(found[name]) for name in ("signal", "lengths", "noise")}
-    return ModelFile(about, {"x": x, "mu": mu, "z": z, "inducing": np.array(found["inducing"], np.int32), **kernels})
+    kernels = {name: np.array(fits[name]) for name in ("signal", "lengths", "noise")}
+    return ModelFile(about, {"x": x, "mu": mu, "z": z, "inducing": np.array(fits["inducing"], np.int32), **kernels})
 
 
 def transitions(folder: Path) -> tuple[TrainingParameters, dict[str, Array]]:

@@ -113,8 +113,8 @@ def command(memory: Memory, scene: Any, action: Array) -> Array:
 def action_for(scene: Any, torque: Array) -> Array:
     """The actions (N, 4), within [-1, 1], whose torques are the nearest to `torque` (N, 4), stance/swing order, N m."""
     y, dy = scene.seen.eta[:, :ACTIONS], scene.seen.eta[:, ACTIONS:]
-    found: Array = ((torque + KP * y + KD * dy) / (KP * REACH)).clip(-1, 1)
-    return found
+    action: Array = ((torque + KP * y + KD * dy) / (KP * REACH)).clip(-1, 1)
+    return action
 
 
 class JointTargetController(Controller):

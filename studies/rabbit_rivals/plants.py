@@ -40,19 +40,19 @@ def draw_plant(terrain: Terrain, rng: "np.random.Generator", stones: int) -> Sim
 
 def described(plant: SimulationParameters) -> Array:
     """The drawn parameters, (k,): 0 for a default, else from 0.2 to 1 within the range. For the value network alone."""
-    found = []
+    shares = []
     for name, (low, high) in sorted(ranges().items()):
         value = getattr(plant, name)
         is_default = value == SimulationParameters.model_fields[name].default
-        found.append(0.0 if is_default else 0.2 + 0.8 * (value - low) / (high - low))
-    return np.array([*found, float(plant.sensors != "exact")])
+        shares.append(0.0 if is_default else 0.2 + 0.8 * (value - low) / (high - low))
+    return np.array([*shares, float(plant.sensors != "exact")])
 
 
 @cache
 def ranges() -> dict[str, tuple[float, float]]:
     """The ranges of all that may be drawn."""
-    found = dict(storm().on("stones")) | {"motor_lag": LAGS}
+    limits = dict(storm().on("stones")) | {"motor_lag": LAGS}
     for family in families().families.values():
         if family.split == "development":
-            found |= {**(family.flat or {}), **(family.stones or {})}
-    return found | HARD
+            limits |= {**(family.flat or {}), **(family.stones or {})}
+    return limits | HARD

@@ -86,8 +86,8 @@ def whole(task: ControlTask, seen: Any, p: Array) -> Array:
 
 def scaled(about: TaskAbout, reads: Array) -> Array:
     """What the network reads, in its units."""
-    found: Array = ((reads - about.center) / about.scale).clip(-BOUND, BOUND)
-    return found
+    inputs: Array = ((reads - about.center) / about.scale).clip(-BOUND, BOUND)
+    return inputs
 
 
 def later_of_many(task: ControlTask, n: int) -> Callable[..., Array]:

@@ -16,7 +16,7 @@ from rabbit_reproduce.curves import tracking_figure
 from rabbit_reproduce.experiment import Experiment
 from rabbit_reproduce.page import make
 from rabbit_reproduce.report import RUNS, Claim, judge, read_rows
-from rabbit_reproduce.table_lines import COLUMNS, FULL, QUICK, Found, Line, Size
+from rabbit_reproduce.table_lines import COLUMNS, FULL, QUICK, Line, Results, Size
 from typer.testing import CliRunner
 
 LINES = [line for each in EXPERIMENTS for line in each.lines()]
@@ -35,18 +35,18 @@ class OneStone(Experiment):
         assembly, oracle = (each.assembly(stones=1) for each in (CBF_CLF, CBF_CLF_ORACLE))
         self.by_key = {"nominal": Line("nominal", assembly, "walks"), "oracle": Line("oracle", oracle)}
 
-    def claims(self, found: Found) -> list[Claim]:
+    def claims(self, results: Results) -> list[Claim]:
         """It walks."""
-        walks = found.walks(self.by_key["nominal"])
+        walks = results.walks(self.by_key["nominal"])
         return [
             Claim(
                 claim="it walks", paper="walks", ours=walks.text, verdict=judge({"walks": walks.walked == walks.runs})
             )
         ]
 
-    def figures(self, found: Found) -> dict[str, Figure]:
+    def figures(self, results: Results) -> dict[str, Figure]:
         """One."""
-        return {"errors": tracking_figure({CBF_CLF: found.records(self.by_key["nominal"])})}
+        return {"errors": tracking_figure({CBF_CLF: results.records(self.by_key["nominal"])})}
 
 
 def test_a_tiny_experiment_to_its_files(tmp_path: Path) -> None:

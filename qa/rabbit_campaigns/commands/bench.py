@@ -57,11 +57,11 @@ def bench(given: Given) -> None:
     print(f"written to {out}")
 
 
-def show_batch(found: dict[str, Any]) -> None:
+def show_batch(figures: dict[str, Any]) -> None:
     """Times, memory and ratios."""
     from rabbit_campaigns.figures import print_table
 
-    rows = {f"{name}, us of CPU a robot and tick": f"{us:.1f}" for name, us in found["us"].items()}
-    rows |= {f"memory {name}, MB": f"{mb:.1f}" for name, mb in found["memory_mb"].items()}
-    rows |= {name: f"{ratio:.2f}" for name, ratio in found["ratios"].items()}
-    print_table(("", ""), rows.items(), f"{found['robots']} robots, {found['robot_ticks']} ticks of a robot")
+    rows = {f"{name}, us of CPU a robot and tick": f"{us:.1f}" for name, us in figures["us"].items()}
+    rows |= {f"memory {name}, MB": f"{mb:.1f}" for name, mb in figures["memory_mb"].items()}
+    rows |= {name: f"{ratio:.2f}" for name, ratio in figures["ratios"].items()}
+    print_table(("", ""), rows.items(), f"{figures['robots']} robots, {figures['robot_ticks']} ticks of a robot")

@@ -47,11 +47,11 @@ def estimates(
     assembly = given_assembly(given, str(file), request.parameters)
     seeds = episode_seeds(request.seed, request.runs).values()
     with complaints(NoTicksError):
-        found = {who: compare(assembly, who, track(seeds, f"walks of the {who}")) for who in ("policy", "oracle")}
-    for walker, figures in found.items():
+        by_walker = {who: compare(assembly, who, track(seeds, f"walks of the {who}")) for who in ("policy", "oracle")}
+    for walker, figures in by_walker.items():
         show(walker, figures)
     if request.out:
-        text = json.dumps({"on_walks_of": found, **describe(assembly, request.seed)}, indent=2)
+        text = json.dumps({"on_walks_of": by_walker, **describe(assembly, request.seed)}, indent=2)
         request.out.parent.mkdir(parents=True, exist_ok=True)
         replace_text(request.out, text)
         print(f"written to {request.out}")

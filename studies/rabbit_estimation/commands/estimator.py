@@ -40,34 +40,34 @@ def estimator(given: Given) -> None:
     own_folder(request.out, "estimator")
     seeds = episode_seeds(request.seed, request.runs).values()
     walks = [estimated_walk(assembly, seed) for seed in track(seeds, "walks")]
-    found = summarise(walks)
+    summary = summarise(walks)
     about = {"command": provenance.command(), "commit": provenance.commit(), "seed": request.seed}
-    replace_text(request.out / "errors.json", json.dumps(found | about, indent=2))
+    replace_text(request.out / "errors.json", json.dumps(summary | about, indent=2))
     draw(walks[0], request.out / "errors.png")
-    show(found)
+    show(summary)
     print(f"written {request.out}")
 
 
-def show(found: dict[str, Any]) -> None:
+def show(summary: dict[str, Any]) -> None:
     """The errors on the screen."""
     from rich.console import Console
     from rich.table import Table
 
     from rabbit_estimation.estimation_errors import AFTER, UNITS
 
-    outcomes = ", ".join(f"{count} {name}" for name, count in sorted(found["outcomes"].items()))
-    title = f"{found['walks']} walks, {found['ticks']} ticks: {outcomes}"
+    outcomes = ", ".join(f"{count} {name}" for name, count in sorted(summary["outcomes"].items()))
+    title = f"{summary['walks']} walks, {summary['ticks']} ticks: {outcomes}"
     table = Table("", "rms error", "claimed", "NEES", title=title)
     for name, unit in UNITS.items():
-        figures = f"{found['rms'][name]:.4f}", f"{found['claimed'][name]:.4f}", f"{found['nees_of'][name]:.2f}"
-        table.add_row(f"{name} ({unit})", *figures)
-    low, high = found["bounds"]
+        errors = f"{summary['rms'][name]:.4f}", f"{summary['claimed'][name]:.4f}", f"{summary['nees_of'][name]:.2f}"
+        table.add_row(f"{name} ({unit})", *errors)
+    low, high = summary["bounds"]
     Console().print(table)
-    print(f"NEES {found['nees']:.2f}, NIS {found['nis']:.2f}; 1: consistent, above: too sure")
-    print(f"NEES in the {AFTER} ticks after a touchdown {found['nees_after_touchdown']:.2f}")
+    print(f"NEES {summary['nees']:.2f}, NIS {summary['nis']:.2f}; 1: consistent, above: too sure")
+    print(f"NEES in the {AFTER} ticks after a touchdown {summary['nees_after_touchdown']:.2f}")
     print("share of the ticks in which the mean over the walks is within its 95% bounds, and above them:")
-    print(f"NEES ({low:.2f} to {high:.2f}) {found['within']:.0%}, {found['above']:.0%}")
-    print(f"NIS {found['nis_within']:.0%}, {found['nis_above']:.0%}")
+    print(f"NEES ({low:.2f} to {high:.2f}) {summary['within']:.0%}, {summary['above']:.0%}")
+    print(f"NIS {summary['nis_within']:.0%}, {summary['nis_above']:.0%}")
 
 
 def draw(walk: Any, path: Path) -> None:

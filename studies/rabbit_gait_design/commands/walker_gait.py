@@ -46,25 +46,25 @@ def gait(
     with complaints(ValueError):
         said = read_mapping(task)
         flat = {name: [0.0, 0.0] for name in said.get("outputs") or ()}
-        own = read_walker(task, {"path": flat, "phase_range": [0, 1], "phase_rate": 1})
-    walker = Walker(PinocchioModel(own.urdf, feet=own.feet), own.angles, own.order)
+        read = read_walker(task, {"path": flat, "phase_range": [0, 1], "phase_rate": 1})
+    walker = Walker(PinocchioModel(read.urdf, feet=read.feet), read.angles, read.order)
     limits: dict[str, Any] = {"friction_limit": friction_limit, "min_normal_force": least_force}
-    limits |= {"max_eigenvalue": max_eigenvalue, "stones": own.file.stones}
-    limit = torque_limit or own.file.limit
+    limits |= {"max_eigenvalue": max_eigenvalue, "stones": read.file.stones}
+    limit = torque_limit or read.file.limit
     wanted = PlanarSpecification(step_length, speed, clear_from, clearance, torque_limit=limit, **limits)
-    given = [own.path] if "path" in said else []
+    given = [read.path] if "path" in said else []
     try:
         with Console().status("begins") as status:
             tell = lambda iteration, cost: status.update(f"iteration {iteration}: cost {cost:.5f}")  # noqa: E731
-            found = search(walker, wanted, chain(given, guesses(walker, step_length)), tell)
+            step = search(walker, wanted, chain(given, guesses(walker, step_length)), tell)
     except PlanarDesignError as error:
         fail(error, NOT_FOUND)
-    path, rows = found.path, found.path.coeffs.round(DIGITS).tolist()
-    said |= {"urdf": os.path.relpath(task.parent / own.file.urdf, target.parent)}
-    said |= {"path": dict(zip(own.outputs, rows, strict=True)), "phase_rate": round(float(found.rates[0]), DIGITS)}
+    path, rows = step.path, step.path.coeffs.round(DIGITS).tolist()
+    said |= {"urdf": os.path.relpath(task.parent / read.file.urdf, target.parent)}
+    said |= {"path": dict(zip(read.outputs, rows, strict=True)), "phase_rate": round(float(step.rates[0]), DIGITS)}
     said["phase_range"] = [round(angle, DIGITS) for angle in (path.phase_angle_start, path.phase_angle_end)]
     with complaints(OSError):
         replace_text(target, dump_yaml(said))
-    torque = abs(found.series("torque")).max()
-    print(f"eigenvalue {found.eigenvalue:.2f}, torque at most {torque:.0f} N m, {found.duration:.2f} s a step")
+    torque = abs(step.series("torque")).max()
+    print(f"eigenvalue {step.eigenvalue:.2f}, torque at most {torque:.0f} N m, {step.duration:.2f} s a step")
     print(f"written {target}")

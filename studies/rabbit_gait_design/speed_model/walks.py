@@ -75,17 +75,17 @@ class ExploringWalk(SeededRun):
 def exploring_walks(plants: int, seed: int, tuning: ControllerParameters) -> list[list[ExploringWalk]]:
     """Walks by plant: so many of the storm, those of `seed` without pushes, half of them on flat ground."""
     courses = iter(episode_seeds(seed, plants * WALKS).values())
-    found = []
+    walks = []
     for number in range(plants):
         terrain = TERRAINS[number % 2]
         changes = storm_plant(number, seed, terrain) | {"push": 0.0}
         about = {"motor_lag": EVALUATION_LAG, "stones": STEPS, "terrain": terrain}
         plant = SimulationParameters.model_validate(about | changes)
-        own = tuning if terrain == "stones" else tuning.model_copy(update={"controller": "rl-clf-qp"})
-        assembly = Assembly(plant, own, resolve_policy(None, own))
+        parameters = tuning if terrain == "stones" else tuning.model_copy(update={"controller": "rl-clf-qp"})
+        assembly = Assembly(plant, parameters, resolve_policy(None, parameters))
         title = f"plant {number}, {terrain}"
-        found.append([ExploringWalk(assembly, next(courses), title=title) for _ in range(WALKS)])
-    return found
+        walks.append([ExploringWalk(assembly, next(courses), title=title) for _ in range(WALKS)])
+    return walks
 
 
 def gathered(plants: Sequence[Sequence[ExploringWalk]], cache: Cache) -> list[list[Steps]]:

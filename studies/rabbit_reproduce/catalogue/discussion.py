@@ -22,7 +22,7 @@ from rabbit_reproduce.controllers import (
 )
 from rabbit_reproduce.experiment import Experiment, Sweep
 from rabbit_reproduce.report import Claim
-from rabbit_reproduce.table_lines import MAIN, Found, Line, Runs
+from rabbit_reproduce.table_lines import MAIN, Line, Results, Runs
 
 WHO = {"flat": (RL_CLF, CLF, CLF_ORACLE), "stones": (RL_CBF_CLF, CBF_CLF, CBF_CLF_ORACLE)}
 SCALES, SMALL = (1.0, 2.0), (0.7, 0.5)
@@ -47,13 +47,13 @@ class Perturbation(Experiment):
                 lines[scale, terrain, 1] = self._line(nominal, scale, terrain)
         return lines
 
-    def claims(self, found: Found) -> list[Claim]:
-        walks, claims = self.walks(found), []
+    def claims(self, results: Results) -> list[Claim]:
+        walks, claims = self.walks(results), []
         for scale, terrain in product(SCALES, WHO):
             learned, nominal = walks[scale, terrain, 0], walks[scale, terrain, 1]
             ours, parts = f"{learned.text}; nominal {nominal.text}", {"walks": learned.passes}
             words = {"who": WHO[terrain][0].title, "what": self.what, "scale": f"{scale:g}", "terrain": terrain}
-            tuned = self.at_best(found, self.by_key[scale, terrain, 1])
+            tuned = self.at_best(results, self.by_key[scale, terrain, 1])
             claims.append(self.claim("walks", ours, parts, nominal.passes, tuned, **words))
         return claims
 
@@ -72,11 +72,11 @@ class Tolerance(Sweep):
         """The lines but for the thousand steps."""
         return ()
 
-    def claims(self, found: Found) -> list[Claim]:
+    def claims(self, results: Results) -> list[Claim]:
         """How much each takes."""
         claims = []
         for contender, plant in self.plants.items():
-            largest, scale = self.largest(self.row(found, contender)), f"{plant.get('mass_scale', 1.0):g}"
+            largest, scale = self.largest(self.row(results, contender)), f"{plant.get('mass_scale', 1.0):g}"
             claims.append(self.claim("takes", largest, what=self.what, who=contender.title, mass_scale=scale))
         return claims
 
@@ -99,12 +99,12 @@ class SmallMass(Experiment):
         """The lines but for the thousand steps."""
         return [line for key, line in self.by_key.items() if key != LONG]
 
-    def claims(self, found: Found) -> list[Claim]:
+    def claims(self, results: Results) -> list[Claim]:
         """The learned controllers, and the nominal ones."""
-        walks = {key: found.walks(line) for key, line in self.by_key.items() if key != LONG}
-        best = {key: self.at_best(found, self.by_key[key]) for key in walks}
+        walks = {key: results.walks(line) for key, line in self.by_key.items() if key != LONG}
+        best = {key: self.at_best(results, self.by_key[key]) for key in walks}
         return [
-            *([self._trained(found.walks(self.by_key[LONG]), walks, best)] if found.column is MAIN else []),
+            *([self._trained(results.walks(self.by_key[LONG]), walks, best)] if results.column is MAIN else []),
             *(self._at_once(who, walks[SMALL[0], who], best[SMALL[0], who]) for _, who, _ in WHO.values()),
             self._half(walks, best),
             *(self._untrained(scale, who, walks, best) for scale in SMALL for who in WHO.values()),

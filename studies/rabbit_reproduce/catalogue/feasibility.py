@@ -19,7 +19,7 @@ from rabbit_reproduce.controllers import CBF_CLF, CBF_CLF_ORACLE, CLF, CLF_ORACL
 from rabbit_reproduce.experiment import Experiment
 from rabbit_reproduce.feasibility import Feasibility, JudgedWalk, RowSet, share, share_text, total
 from rabbit_reproduce.report import Cell, Claim, Table
-from rabbit_reproduce.table_lines import COLUMNS, SEED, Column, Found, Size
+from rabbit_reproduce.table_lines import COLUMNS, SEED, Column, Results, Size
 from rabbit_reproduce.training import TrainingJob, recipes
 
 WALKERS = (CBF_CLF, RL_CBF_CLF, CBF_CLF_ORACLE)  # whose walks are the common states
@@ -41,9 +41,9 @@ class Judged(Experiment):
     def jobs(self, size: Size) -> list[SeededRun]:
         return [job for case in self.cases(size) for runs in self.walks_of(size, case) for job in runs]
 
-    def judged(self, found: Found, case: Case) -> list[list[Feasibility]]:
+    def judged(self, results: Results, case: Case) -> list[list[Feasibility]]:
         """Results of each walker's runs."""
-        return [[found.result(job) for job in runs] for runs in self.walks_of(found.size, case)]
+        return [[results.result(job) for job in runs] for runs in self.walks_of(results.size, case)]
 
 
 PLANTS: dict[str, dict[str, Any]] = {
@@ -72,19 +72,19 @@ class ClfAssumption(Judged):
         judges = tuple(size.own(CBF_CLF_ORACLE.assembly(rows, **plant)) for rows in ROWS.values())
         return _walks(size, WALKERS, judges, 1 if size.quick else 3, f"{self.name}, {case}", plant)
 
-    def tables(self, found: Found) -> Sequence[Table]:
+    def tables(self, results: Results) -> Sequence[Table]:
         columns = ("plant", *ROWS, *(f"CLF row, {contender.title}'s states" for contender in WALKERS), "states")
         rows: list[Sequence[Cell]] = []
         for name in PLANTS:
-            walks = self.judged(found, name)
+            walks = self.judged(results, name)
             by_walker = [f"{1 - share([runs], 0, 'all'):.1%}" for runs in walks]
-            met = [f"{value:.1%}" for value in self._met(found, name).values()]
+            met = [f"{value:.1%}" for value in self._met(results, name).values()]
             rows.append((name, *met, *by_walker, total(walks)))
         return (Table("shares", columns, tuple(rows)),)
 
-    def claims(self, found: Found) -> list[Claim]:
+    def claims(self, results: Results) -> list[Claim]:
         """Where the paper's method works, and where it does not."""
-        shares = {name: self._met(found, name) for name in PLANTS}
+        shares = {name: self._met(results, name) for name in PLANTS}
         ours = {name: ", ".join(f"{rows} {value:.1%}" for rows, value in met.items()) for name, met in shares.items()}
         twice, half = (shares[f"scale {scale}"]["CLF row"] for scale in ("2", "0.5"))
         return [
@@ -93,9 +93,9 @@ class ClfAssumption(Judged):
             self.claim("loaded", ours["payload 72 kg"]),
         ]
 
-    def _met(self, found: Found, name: str) -> dict[str, float]:
+    def _met(self, results: Results, name: str) -> dict[str, float]:
         """Share of all states in which the rows can be met."""
-        walks = self.judged(found, name)
+        walks = self.judged(results, name)
         return {rows: 1 - share(walks, i, "all") for i, rows in enumerate(ROWS)}
 
 
@@ -117,25 +117,25 @@ class FeasibilityShare(Judged):
         judges = tuple(size.own(contender.assembly(**plant)) for contender in GROUPS[group])
         return _walks(size, GROUPS[group], judges, max(1, size.runs // 2), f"feasibility, {size.title(column)}", plant)
 
-    def tables(self, found: Found) -> Sequence[Table]:
+    def tables(self, results: Results) -> Sequence[Table]:
         heads = (
             *("terrain", "plant", "rows of", "safety rows, own path", "safety rows, common states"),
             *("with CLF, own path", "with CLF, common states", "ticks of own path, of all"),
         )
         rows = []
-        for group, column in self.cases(found.size):
-            walks = self.judged(found, (group, column))
+        for group, column in self.cases(results.size):
+            walks = self.judged(results, (group, column))
             for who, contender in enumerate(GROUPS[group]):
                 own = [walks[who]]
                 safety, every = ((share_text(own, who, rows), share_text(walks, who, rows)) for rows in SETS)
                 safety = safety if group == "stones" else ("-", "-")
                 ticks = f"{total(own)}, {total(walks)}"
-                rows.append((group, found.size.title(column), contender.title, *safety, *every, ticks))
+                rows.append((group, results.size.title(column), contender.title, *safety, *every, ticks))
         return (Table("shares", heads, tuple(rows)),)
 
-    def claims(self, found: Found) -> list[Claim]:
+    def claims(self, results: Results) -> list[Claim]:
         """Claims on stones, about RL-CBF-CLF-QP and the nominal controller."""
-        walks = self.judged(found, ("stones", found.column))
+        walks = self.judged(results, ("stones", results.column))
         own, own_nominal = (share([walks[who]], who, "safety") for who in range(2))
         common, common_nominal = (share(walks, who, "safety") for who in range(2))
         parts = {
@@ -175,8 +175,8 @@ class FeasibilityByEpisode(Judged):
         judges = tuple(size.own(contender.assembly(**plant)) for contender in who)
         return _walks(size, WALKERS, judges, 1 if size.quick else 3, self.name, plant)
 
-    def tables(self, found: Found) -> Sequence[Table]:
-        curves, beside, own = self._curves(found), self._beside(found), _trained(found)
+    def tables(self, results: Results) -> Sequence[Table]:
+        curves, beside, own = self._curves(results), self._beside(results), _trained(results)
         columns = ("rows of", *(f"{SETS[rows]}, seed {recipe.parameters.seed}" for rows in SETS for recipe in own))
         lines = {
             contender.title: [beside[rows][i] for rows in SETS for _ in own]
@@ -187,9 +187,9 @@ class FeasibilityByEpisode(Judged):
         rows = tuple((title, *(f"{value:.2%}" for value in values)) for title, values in lines.items())
         return (Table("shares", columns, rows),)
 
-    def figures(self, found: Found) -> dict[str, Figure]:
+    def figures(self, results: Results) -> dict[str, Figure]:
         """A panel for each set of rows."""
-        curves, beside = self._curves(found), self._beside(found)
+        curves, beside = self._curves(results), self._beside(results)
         figure, panels = style.figure(len(SETS), height=1.9)
         for axes, (rows, table) in zip(panels, curves.items(), strict=True):
             percent = 100 * table
@@ -206,13 +206,13 @@ class FeasibilityByEpisode(Judged):
         figure.align_ylabels()
         return {"feasibility_by_episode": figure}
 
-    def claims(self, found: Found) -> list[Claim]:
+    def claims(self, results: Results) -> list[Claim]:
         """Claims about the safety rows, about all rows, and whether those learned last fail as often as the true ones.
 
         A wrong model's rows may well be feasible where the true ones are not.
         """
-        beside = self._beside(found)
-        means = {rows: table.mean(axis=0) for rows, table in self._curves(found).items()}
+        beside = self._beside(results)
+        means = {rows: table.mean(axis=0) for rows, table in self._curves(results).items()}
         text = (
             f"{name}: {means[rows][0]:.2%}, then {means[rows][-1]:.2%}, true rows {beside[rows][1]:.2%}"
             for rows, name in SETS.items()
@@ -233,16 +233,18 @@ class FeasibilityByEpisode(Judged):
         )
         return self.claim("learning", ours, parts, rows=name)
 
-    def _beside(self, found: Found) -> dict[RowSet, tuple[float, float]]:
+    def _beside(self, results: Results) -> dict[RowSet, tuple[float, float]]:
         """The shares of the nominal controller and of the oracle."""
-        walks = self.judged(found, "common")
+        walks = self.judged(results, "common")
         return {rows: (share(walks, 0, rows), share(walks, 1, rows)) for rows in SETS}
 
-    def _curves(self, found: Found) -> dict[RowSet, Any]:
+    def _curves(self, results: Results) -> dict[RowSet, Any]:
         """The curve of each training over `EPISODES`, (trainings, episodes)."""
-        walks, n = self.judged(found, "common"), len(EPISODES)
+        walks, n = self.judged(results, "common"), len(EPISODES)
         return {
-            rows: np.array([[share(walks, 2 + n * i + j, rows) for j in range(n)] for i in range(len(_trained(found)))])
+            rows: np.array(
+                [[share(walks, 2 + n * i + j, rows) for j in range(n)] for i in range(len(_trained(results)))]
+            )
             for rows in SETS
         }
 
@@ -256,8 +258,8 @@ def _walks(
     return [[JudgedWalk(assembly, seed, judges, title=title) for seed in seeds] for assembly in assemblies]
 
 
-def _trained(found: Found) -> list[TrainingJob]:
-    return _on_stones([*found.size.trained.made]) if found.size.trained else []
+def _trained(results: Results) -> list[TrainingJob]:
+    return _on_stones([*results.size.trained.made]) if results.size.trained else []
 
 
 def _on_stones(trainings: Sequence[TrainingJob]) -> list[TrainingJob]:

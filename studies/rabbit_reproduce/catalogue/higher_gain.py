@@ -22,7 +22,7 @@ from rabbit_reproduce.controllers import (
 from rabbit_reproduce.curves import draw_rates
 from rabbit_reproduce.experiment import Experiment
 from rabbit_reproduce.report import Claim
-from rabbit_reproduce.table_lines import HEADLINE, MAIN, MUJOCO, Found, Line
+from rabbit_reproduce.table_lines import HEADLINE, MAIN, MUJOCO, Line, Results
 
 SEED = 50006  # of these courses and of nothing else
 ENGINES = (MAIN, MUJOCO)
@@ -57,9 +57,9 @@ class HigherGain(Experiment):
         """The lines to compare: none, since it is one of them."""
         return ()
 
-    def claims(self, found: Found) -> list[Claim]:
+    def claims(self, results: Results) -> list[Claim]:
         """Where each walks; ours, so without a verdict on the paper."""
-        walks = self.walks(found)
+        walks = self.walks(results)
         claims = []
         for who in WHO:
             passed = [
@@ -70,9 +70,9 @@ class HigherGain(Experiment):
             claims.append(self.claim("walks", "; ".join(passed), who=who.title))
         return claims
 
-    def figures(self, found: Found) -> dict[str, Figure]:
+    def figures(self, results: Results) -> dict[str, Figure]:
         figure, panels = style.figure(len(self.swept), height=3.0, sharex=False)
-        walks = self.walks(found)
+        walks = self.walks(results)
         for axes, (field, values) in zip(panels, self.swept.items(), strict=True):
             draw_rates(axes, values, {who: [walks[who, field, value] for value in values] for who in WHO})
             axes.set_xlabel(self.axis[field])

@@ -18,7 +18,7 @@ from rabbit_reproduce.catalogue.flat import STEPS
 from rabbit_reproduce.controllers import CLF, L1_CLF
 from rabbit_reproduce.experiment import Experiment
 from rabbit_reproduce.report import Claim
-from rabbit_reproduce.table_lines import MAIN, Found, Line, Runs
+from rabbit_reproduce.table_lines import MAIN, Line, Results, Runs
 
 SCALES = (1.2, 2.0)
 GAINS = (0.01, 0.1, 1.0, 100.0, 1e4)
@@ -77,19 +77,19 @@ class L1Sweep(Experiment):
             lines[scale, setting] = Line(f"{setting.text}, scale {scale:g}", assembly, **more)
         return lines
 
-    def figures(self, found: Found) -> dict[str, Figure]:
+    def figures(self, results: Results) -> dict[str, Figure]:
         figure, panels = style.figure(len(SCALES), height=2.1)
         for axes, scale in zip(panels, SCALES, strict=True):
-            self._panel(axes, scale, found)
+            self._panel(axes, scale, results)
         style.legend(panels[0], columns=3)
         panels[-1].set_xlabel("adaptation gain")
         return {"gain": figure}
 
-    def claims(self, found: Found) -> list[Claim]:
+    def claims(self, results: Results) -> list[Claim]:
         """Against the CLF-QP, at scale 2, and Euler's law."""
-        every = self.walks(found)
+        every = self.walks(results)
         little, twice = ({setting: every[scale, setting] for setting in SWEPT} for scale in SCALES)
-        nominal, tuned = every[SCALES[0]], self.at_best(found, self.by_key[SCALES[0]])
+        nominal, tuned = every[SCALES[0]], self.at_best(results, self.by_key[SCALES[0]])
         best = little[DEFAULT]
         better = [s for s, walks in little.items() if walks.passes and walks.rms("rms_y") < nominal.rms("rms_y")]
         failing = [setting for setting, walks in twice.items() if not walks.passes]
@@ -118,9 +118,9 @@ class L1Sweep(Experiment):
             self.claim("euler", "; ".join(unbound)),
         ]
 
-    def _panel(self, axes: Axes, scale: float, found: Found) -> None:
+    def _panel(self, axes: Axes, scale: float, results: Results) -> None:
         """Draws the panel of a scale."""
-        every = self.walks(found)
+        every = self.walks(results)
         for (law, (colour, marker)), (substeps, rate) in product(LOOKS.items(), RATES.items()):
             walks = [every[scale, Setting(law, gain, substeps)] for gain in GAINS]
             line, fill = ("-", colour) if substeps == 1 else ("--", "white")

@@ -17,7 +17,7 @@ from rl_trainer.parameters import TrainingParameters
 from rabbit_reproduce.controllers import IO_RL, RL_CBF_CLF, RL_CLF, Contender
 from rabbit_reproduce.experiment import Experiment
 from rabbit_reproduce.report import Cell, Claim, Table
-from rabbit_reproduce.table_lines import MAIN, Found, Line, Size
+from rabbit_reproduce.table_lines import MAIN, Line, Results, Size
 from rabbit_reproduce.training import Episode, TrainingJob, read_log, recipe_of, recipes
 
 PAPER = {IO_RL: 110, RL_CLF: 79, RL_CBF_CLF: 133}  # episodes of the final agent
@@ -39,23 +39,23 @@ class LearningCurves(Experiment):
     def jobs(self, size: Size) -> list[SeededRun]:
         return [job for line in trained_lines(size).values() for job in line.scenario(size).walks]
 
-    def tables(self, found: Found) -> Sequence[Table]:
-        walks = {recipe: found.walks(line).text for recipe, line in trained_lines(found.size).items()}
+    def tables(self, results: Results) -> Sequence[Table]:
+        walks = {recipe: results.walks(line).text for recipe, line in trained_lines(results.size).items()}
         columns = (
             *("problem", "scale", "seed", "episodes", "transitions", "first ten steps", "ten steps in all from"),
             *("last policy, at its scale", "commit"),
         )
-        rows = [_row(session, walks) for session in sessions(found.size)]
-        episodes = tuple(tuple(row.model_dump().values()) for session in sessions(found.size) for row in session)
+        rows = [_row(session, walks) for session in sessions(results.size)]
+        episodes = tuple(tuple(row.model_dump().values()) for session in sessions(results.size) for row in session)
         every = Table("episodes", tuple(Episode.model_fields), episodes)
         return Table("trainings", columns, tuple(rows)), every
 
-    def figures(self, found: Found) -> dict[str, Figure]:
-        return {"learning_curves": learning_figure(by_contender(found.size))}
+    def figures(self, results: Results) -> dict[str, Figure]:
+        return {"learning_curves": learning_figure(by_contender(results.size))}
 
-    def claims(self, found: Found) -> list[Claim]:
+    def claims(self, results: Results) -> list[Claim]:
         """The claims of each problem."""
-        return [self._claim(contender, own) for contender, own in by_contender(found.size).items()]
+        return [self._claim(contender, own) for contender, own in by_contender(results.size).items()]
 
     def _claim(self, contender: Contender, own: Sequence[Session]) -> Claim:
         last, ends = [settled(session) for session in own], [len(session) for session in own]

@@ -17,7 +17,7 @@ from rabbit_reproduce.controllers import (
 )
 from rabbit_reproduce.experiment import Sweep
 from rabbit_reproduce.report import Claim, missing
-from rabbit_reproduce.table_lines import Found
+from rabbit_reproduce.table_lines import Results
 
 PAPER = {RL_CLF: 72.0, IO_RL: 53.0}  # kg
 LEAST = 32.0  # kg, of [fig:clf-torso-results]; the nominal controller may well carry less
@@ -31,11 +31,11 @@ class PayloadFlat(Sweep):
     plants: ClassVar = {contender: {} for contender in (*FLAT, CLF_ORACLE)}
     paper_values: ClassVar = {(contender, most): f"up to {most:g} kg" for contender, most in PAPER.items()}
 
-    def claims(self, found: Found) -> list[Claim]:
+    def claims(self, results: Results) -> list[Claim]:
         """How far each comes."""
-        nominal, best, claims = self.row(found, CLF), self.row_at_best(found, CLF), []
+        nominal, best, claims = self.row(results, CLF), self.row_at_best(results, CLF), []
         for contender, most in PAPER.items():
-            walks = self.row(found, contender)
+            walks = self.row(results, contender)
             inside = [value for value in self.values if LEAST <= value <= most]
             parts = {f"{value:g} kg": walks[value].passes for value in inside}
             ours = f"{self.largest(walks)}; nominal {self.largest(nominal)}"
@@ -52,10 +52,10 @@ class PayloadStones(Sweep):
     plants: ClassVar = {contender: {} for contender in (*STONES, CBF_CLF_ORACLE)}
     paper_values: ClassVar = {(RL_CBF_CLF, most): "walks" for most in RANGE}
 
-    def claims(self, found: Found) -> list[Claim]:
+    def claims(self, results: Results) -> list[Claim]:
         """The paper's range, stones and forces kept."""
         walks, nominal, best = (
-            row(found, who) for row, who in ((self.row, RL_CBF_CLF), (self.row, CBF_CLF), (self.row_at_best, CBF_CLF))
+            row(results, who) for row, who in ((self.row, RL_CBF_CLF), (self.row, CBF_CLF), (self.row_at_best, CBF_CLF))
         )
         inside = [value for value in self.values if RANGE[0] <= value <= RANGE[1]]
         parts, kept = (

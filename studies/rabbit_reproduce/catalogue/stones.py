@@ -19,7 +19,7 @@ from rabbit_reproduce.controllers import CBF_CLF, CBF_CLF_ORACLE, RL_CBF_CLF, RO
 from rabbit_reproduce.curves import finish_ratio, late_and_impact_ratio
 from rabbit_reproduce.experiment import Experiment, forces_kept
 from rabbit_reproduce.report import Claim
-from rabbit_reproduce.table_lines import HEADLINE, Found, Line, Runs, Size
+from rabbit_reproduce.table_lines import HEADLINE, Line, Results, Runs, Size
 
 SHOWN = 3  # steps of the grey area: with the nearest stone, the middle one, the farthest
 DEPTH, TOP = 0.02, 0.15  # m, of a drawn stone, and of the panel
@@ -41,12 +41,12 @@ class RlCbfClfResults(Experiment):
             who: Line(who.title, who.assembly(mass_scale=2.0), paper, HEADLINE) for who, paper in each_paper.items()
         }
 
-    def figures(self, found: Found) -> dict[str, Figure]:
-        return {"swing_foot": swing_foot_figure(found.records(self.by_key[RL_CBF_CLF]))}
+    def figures(self, results: Results) -> dict[str, Figure]:
+        return {"swing_foot": swing_foot_figure(results.records(self.by_key[RL_CBF_CLF]))}
 
-    def claims(self, found: Found) -> list[Claim]:
+    def claims(self, results: Results) -> list[Claim]:
         """Stones and forces, over all runs."""
-        walks = self.walks(found)
+        walks = self.walks(results)
         learned, nominal = walks[RL_CBF_CLF], walks[CBF_CLF]
         over, at_impact = learned.total("ticks_over_cone"), learned.total("ticks_over_cone_at_impact")
         clean = nominal.total("ticks_over_cone") == 0
@@ -55,7 +55,7 @@ class RlCbfClfResults(Experiment):
             f"{over} of {learned.total('ticks')} ticks over, {at_impact} more within 30 ms of an impact; "
             f"largest ratio {learned.max_ratio:.2f}"
         )
-        tuned = self.at_best(found, self.by_key[CBF_CLF])
+        tuned = self.at_best(results, self.by_key[CBF_CLF])
         return [
             self.claim("stones", stones, {"walks": learned.passes}, nominal.passes, tuned),
             self.claim("cone", forces, {"never over": over == 0}, nominal.passes and clean, forces_kept(tuned)),
@@ -72,12 +72,12 @@ class SteppingStone(Experiment):
     def by_key(self) -> dict[Any, Line]:
         return {RL_CBF_CLF: Line(RL_CBF_CLF.title, RL_CBF_CLF.assembly(mass_scale=2.0), runs=HEADLINE)}
 
-    def figures(self, found: Found) -> dict[str, Figure]:
-        return {"grey_area": grey_area_figure(found.records(self.by_key[RL_CBF_CLF]))}
+    def figures(self, results: Results) -> dict[str, Figure]:
+        return {"grey_area": grey_area_figure(results.records(self.by_key[RL_CBF_CLF]))}
 
-    def claims(self, found: Found) -> list[Claim]:
+    def claims(self, results: Results) -> list[Claim]:
         """Both barriers with the stone's true edges, at every tick of the first run."""
-        learned, tuned = (found.records(line) for line in self.lines())
+        learned, tuned = (results.records(line) for line in self.lines())
         (ours, always), (text, tuned_always) = map(left_area, (learned, tuned))
         undone = tuned_always and tuned.about["outcome"] == "walked"
         return [self.claim("area", ours, {"always": always}, tuned=(text, undone))]
@@ -101,12 +101,12 @@ class NominalStones(Experiment):
             lines[what] = Line(what, who.assembly({"force_rows": False}, mass_scale=scale), "", PAPER_RUNS)
         return lines
 
-    def claims(self, found: Found) -> list[Claim]:
+    def claims(self, results: Results) -> list[Claim]:
         """How far, and the two forces."""
-        walks = self.walks(found)
+        walks = self.walks(results)
         bare = f"{CBF_CLF.title}, no force rows, scale 2"
         whole, without = walks["whole"], walks[bare]
-        best, best_bare = (self.at_best(found, self.by_key[key]) for key in ("whole", bare))
+        best, best_bare = (self.at_best(results, self.by_key[key]) for key in ("whole", bare))
         low, high = whole.stones_interval or (whole.mean_stones,) * 2
         alike = low <= PAPER_INTERVAL[1] and high >= PAPER_INTERVAL[0]
         far = (

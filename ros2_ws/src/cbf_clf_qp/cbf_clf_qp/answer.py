@@ -171,9 +171,9 @@ class OsqpSolver:
             self._problem.update(q=data.q, l=data.lower, u=data.upper, Ax=entries)
         else:
             self._set_up(data, entries)
-        while (found := self._solved()).info.status == "interrupted":
+        while (result := self._solved()).info.status == "interrupted":
             signal.raise_signal(signal.SIGINT)
-        return *exact(data, found.x, found.y), TOLERANCE, str(found.info.status)
+        return *exact(data, result.x, result.y), TOLERANCE, str(result.info.status)
 
     def _set_up(self, data: Values, entries: Array) -> None:
         import osqp  # half a second, with scipy

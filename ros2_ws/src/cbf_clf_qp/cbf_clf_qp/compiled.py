@@ -184,8 +184,8 @@ _lock, _running, _said = Lock(), list[Library](), list[bool]()
 
 def cache() -> Path:
     """The folder of the libraries."""
-    if own := os.environ.get(CACHE):
-        return Path(own).absolute()
+    if chosen := os.environ.get(CACHE):
+        return Path(chosen).absolute()
     users = Path(os.environ.get("XDG_CACHE_HOME", ""))
     return (users if users.is_absolute() else Path.home() / ".cache") / "cbf_clf_qp"
 

@@ -117,9 +117,9 @@ def model_error(terms: Terms) -> NumpyFunction:
     delta = Affine(ca.SX.zeros(terms.inputs, terms.inputs), ca.SX.zeros(terms.inputs))
     if y_r and terms.outputs:
         delta = y_r.after(terms.control) - terms.outputs.after(terms.control)
-    found = {"alpha": error.a, "beta": error.b, "output_error": ca.horzcat(delta.a, delta.b)}
+    outputs = {"alpha": error.a, "beta": error.b, "output_error": ca.horzcat(delta.a, delta.b)}
     inputs = {"x": system.x, "p": system.p, "other": other}
-    return NumpyFunction.of("model_error", inputs, found, matrices=("alpha", "output_error"))
+    return NumpyFunction.of("model_error", inputs, outputs, matrices=("alpha", "output_error"))
 
 
 def _by(value: Affine, p: ca.SX, other: ca.SX) -> Affine:

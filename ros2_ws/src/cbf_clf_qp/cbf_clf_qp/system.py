@@ -84,8 +84,8 @@ class System:
         size = (1 + ca.fabs(ca.jacobian(expression, self.x))) @ ca.fabs(of_u)
         cancels = ca.Function("cancels", [self.x, self.p], [ca.sum2(ca.fabs(slope)) <= ROUNDING * ca.sum2(size)])
         points = np.random.default_rng(0).uniform(0.5, 1.5, (self.x.numel() + self.p.numel(), 5))
-        found = cancels(*np.split(points, [self.x.numel()])).full()
-        return [not row.all() for row in found]
+        remainders = cancels(*np.split(points, [self.x.numel()])).full()
+        return [not row.all() for row in remainders]
 
     def affine(self, expression: ca.SX, name: str = "expression") -> Affine:
         """An expression as a u + b; raises ValueError where it is not affine in u."""

@@ -97,8 +97,8 @@ class ContactAidedFilter:
 
     def __init__(self, parameters: EstimatorParameters) -> None:
         self.settings = np.array([getattr(parameters, name) for name in SETTINGS.places])
-        self.found = estimate_state().values(np.zeros(estimate_state().row.size))
-        self.found.tick[:] = -1
+        self.belief = estimate_state().values(np.zeros(estimate_state().row.size))
+        self.belief.tick[:] = -1
 
     def update(self, state: RobotState) -> RobotState:
         """The state with `q`, `dq` estimated; tick 0 begins a new episode, the left foot at rest at (0, 0).
@@ -110,24 +110,24 @@ class ContactAidedFilter:
         sensors = state.sensors
         if sensors is None:
             raise EstimatorError("state.sensors = None: expected encoders and IMU, as the simulator's sensors lab give")
-        found = estimate_state()(self.found.row[: MEMORY.size], sensors_row(state, sensors), self.settings)
-        refused = int(found.refused[0])
+        belief = estimate_state()(self.belief.row[: MEMORY.size], sensors_row(state, sensors), self.settings)
+        refused = int(belief.refused[0])
         if refused == LOST:
-            raise LostError(f"the estimator cannot go on: q = {found.q}, dq = {found.dq}: expected finite numbers")
+            raise LostError(f"the estimator cannot go on: q = {belief.q}, dq = {belief.dq}: expected finite numbers")
         if refused == NOT_NEXT:
-            expected = f"{self.found.tick[0] + 1:g}, or 0 for a new episode"
+            expected = f"{self.belief.tick[0] + 1:g}, or 0 for a new episode"
             raise EstimatorError(f"state.tick = {state.tick}: expected {expected}")
         if refused:
             name = [*BODY][refused - 1]
             raise EstimatorError(f"sensors.{name} = {getattr(sensors, name)}: expected finite numbers")
-        self.found = found
-        return replace(state, q=found.q, dq=found.dq)
+        self.belief = belief
+        return replace(state, q=belief.q, dq=belief.dq)
 
     def angles_and_rates_covariance(self) -> Array:
         """The errors' covariance (12, 12) of (pitch, joints, v, pitch rate, joint rates) when the sensors were read."""
         select = np.eye(SIZE)[np.r_[PITCH, J, V, GYRO, DJ]]
         select[1 + JOINTS + SLIDES, [GYRO, GYRO_NOISE]] = -1
-        return select @ self.found.covariance @ select.T
+        return select @ self.belief.covariance @ select.T
 
 
 def sensors_row(state: RobotState, sensors: BodySensors) -> Array:
@@ -167,8 +167,8 @@ def estimation() -> tuple[ca.Function, Mapping[str, Place]]:
     begin, go_on = (NumpyFunction.of(function.__name__, symbols, function(*named)) for function in (begun, gone_on))
     either = ca.Function.if_else("either", begin.function, go_on.function)
     given = [ca.MX.sym(name, layout.size) for name, layout in rows.items()]
-    found = either(SENSORS.parts(given[1])["tick"] == 0, *given)
-    return ca.Function("estimate_state", given, [found], [*rows], ["values"]), begin.places
+    belief = either(SENSORS.parts(given[1])["tick"] == 0, *given)
+    return ca.Function("estimate_state", given, [belief], [*rows], ["values"]), begin.places
 
 
 def begun(_: Any, s: Any, p: Any) -> dict[str, Any]:
@@ -306,8 +306,8 @@ def answer(
         refused = ca.if_else(is_finite(getattr(s, name)), refused, code)
     refused = ca.if_else(refused, refused, ca.if_else(is_finite(ca.vertcat(q, dq)), 0, LOST))
     rest = {name: getattr(s, name, ca.SX.zeros(size)) for name, size in MEMORY.sizes.items()}
-    found = rest | kept | {"q": q, "dq": dq, "nis": nis, "measured": measured, "refused": refused}
-    return {name: ca.SX(value) for name, value in found.items()}
+    belief = rest | kept | {"q": q, "dq": dq, "nis": nis, "measured": measured, "refused": refused}
+    return {name: ca.SX(value) for name, value in belief.items()}
 
 
 def linearised(function: Callable[[ca.SX], ca.SX], x: ca.SX) -> tuple[ca.SX, ca.SX]:

@@ -56,17 +56,17 @@ def test_filters_of_several_threads_know_nothing_of_each_other():
         estimator, rest = ContactAidedFilter(EstimatorParameters()), np.array([-G * np.sin(pitch), G * np.cos(pitch)])
         for tick in range(1000):
             force = np.full(2, np.nan) if tick == 0 else rest
-            found = estimator.update(state(tick, specific_force=force, orientation=orientation_of(pitch)))
-        return found.q[:3]
+            belief = estimator.update(state(tick, specific_force=force, orientation=orientation_of(pitch)))
+        return belief.q[:3]
 
     pitches, usual = [-0.2, 0.0, 0.1, 0.3], sys.getswitchinterval()
     sys.setswitchinterval(1e-6)
     try:
         with ThreadPoolExecutor(len(pitches)) as pool:
-            found = [*pool.map(hip_of, pitches)]
+            belief = [*pool.map(hip_of, pitches)]
     finally:
         sys.setswitchinterval(usual)
-    for hip, pitch in zip(found, pitches, strict=True):
+    for hip, pitch in zip(belief, pitches, strict=True):
         assert hip == pytest.approx([*-stands_at(pitch, JOINTS), pitch], abs=1e-6)
 
 
@@ -111,9 +111,12 @@ def test_it_finds_how_far_the_ground_gives(compliance):
         push = up * np.array([-np.sin(PITCH), np.cos(PITCH)])
         force = np.array([[0, loads.mean()], [0, 0]])
         estimate = estimator.update(replace(state(tick, specific_force=push), foot_force=force))
-    found, error = estimator.found.mean[COMPLIANCE], np.sqrt(estimator.found.covariance[COMPLIANCE, COMPLIANCE])
+    belief, error = (
+        estimator.belief.mean[COMPLIANCE],
+        np.sqrt(estimator.belief.covariance[COMPLIANCE, COMPLIANCE]),
+    )
     assert error < 0.1 * parameters.compliance_error
-    assert found == pytest.approx(compliance, rel=0.05, abs=3 * error)
+    assert belief == pytest.approx(compliance, rel=0.05, abs=3 * error)
     assert estimate.dq[1] == pytest.approx(speed, abs=3e-3)
 
 
@@ -141,7 +144,7 @@ def flight(rng, ticks):
     accelerations = p.first_acceleration * rng.standard_normal(4)
     speed = -ca.evalf(foothold_rate(PITCH, joints, Leg.LEFT, p.foot_radius, 0.0, rates)).full().ravel()
     speed += p.first_speed * rng.standard_normal(2)
-    found = []
+    belief = []
     parts = 50
     for tick in range(ticks):
         if tick:
@@ -165,8 +168,8 @@ def flight(rng, ticks):
         estimate = estimator.update(replace(state(tick, NEITHER if tick else LEFT), sensors=sensors))
         truth = np.concatenate([[PITCH], joints, speed, [0], rates])
         error = np.concatenate([estimate.q[2:], estimate.dq]) - truth
-        found.append(error @ np.linalg.solve(estimator.angles_and_rates_covariance(), error))
-    return found
+        belief.append(error @ np.linalg.solve(estimator.angles_and_rates_covariance(), error))
+    return belief
 
 
 def turned(tick, joint, angle):
@@ -185,7 +188,7 @@ def test_a_glitch_of_an_encoder_is_refused(joint, glitch):
     for estimate in (during, after):
         assert estimate.q == pytest.approx(before.q, abs=4e-4)
         assert estimate.dq == pytest.approx(before.dq, abs=0.05)
-    assert estimator.found.measured == MEASURED  # all are used again
+    assert estimator.belief.measured == MEASURED  # all are used again
 
 
 @pytest.mark.parametrize("joint", range(4))
@@ -196,9 +199,9 @@ def test_an_encoder_that_says_the_same_for_long_is_not_refused_for_ever(joint):
     refused = 0
     for tick in range(50, 70):
         estimator.update(turned(tick, joint, 0.3))
-        refused += estimator.found.measured[0] < MEASURED
+        refused += estimator.belief.measured[0] < MEASURED
     assert 1 <= refused <= PATIENCE / TICK_SECONDS
-    read = estimator.found.q[3 + joint] + estimator.found.mean[OFFSET][joint]  # the angle, and the encoder's zero
+    read = estimator.belief.q[3 + joint] + estimator.belief.mean[OFFSET][joint]  # the angle, and the encoder's zero
     assert read == pytest.approx(JOINTS[joint] + 0.3, abs=1e-3)
 
 
@@ -239,11 +242,11 @@ def test_what_is_finite_and_too_large_gives_no_state_in_part():
         large = rng.normal(size=4) * 10.0 ** rng.uniform(-3, 300, 4)
         rate = float(rng.normal() * 10.0 ** rng.uniform(-3, 300))
         try:
-            found = estimator.update(state(1, joint_rates=large, pitch_rate=rate, specific_force=large[:2]))
+            belief = estimator.update(state(1, joint_rates=large, pitch_rate=rate, specific_force=large[:2]))
         except LostError:
             lost += 1
         else:
-            assert np.isfinite([*found.q, *found.dq]).all()
+            assert np.isfinite([*belief.q, *belief.dq]).all()
     assert lost > 50
 
 

@@ -128,7 +128,7 @@ def exported_estimator(parameters: SimulationParameters) -> StateEstimator | Non
     if parameters.sensors == "exact":
         return None
     estimator = make_estimator(parameters)
-    first = estimator.found.row[: MEMORY.size]
+    first = estimator.belief.row[: MEMORY.size]
     return StateEstimator(estimate_state(), MEMORY, SENSORS, SETTINGS, estimator.settings, first, REFUSALS)
 
 

@@ -64,7 +64,7 @@ def panels(walk: WalkRecords) -> list[Panel]:
     about: Any = walk.about
     limits = [about["torque_limit"] * sign for sign in (-1, 1)] if "torque_limit" in about else []
     cone = [about["friction_coeff"]] if "friction_coeff" in about else []
-    found = [
+    panels = [
         Panel("barriers B", dict(zip(walk.barrier_names, walk.barriers.T, strict=True)), [0.0], NEAR_ZERO),
         Panel("V", {"V": walk.V}, scale=LOG),
         Panel("slacks", {"clf_slack": walk.clf_slack, "rescue_slack": walk.rescue_slack}),
@@ -72,7 +72,7 @@ def panels(walk: WalkRecords) -> list[Panel]:
         Panel("ground force (N)", dict(zip(("F_T", "F_N"), walk.stance_force.T, strict=True))),
         Panel("torques (N m)", dict(zip(ACTUATED, walk.torque.T, strict=True)), limits),
     ]
-    return [panel for panel in found if any(np.isfinite(values).any() for values in panel.curves.values())]
+    return [panel for panel in panels if any(np.isfinite(values).any() for values in panel.curves.values())]
 
 
 def quantity_panels(walk: WalkRecords) -> list[Panel]:
@@ -81,13 +81,13 @@ def quantity_panels(walk: WalkRecords) -> list[Panel]:
     nominal = np.einsum("tij,tj->ti", walk.nominal_a, walk.mu) + walk.nominal_b
     estimated = nominal + np.einsum("tij,tj->ti", walk.alpha, walk.mu) + walk.beta
     measured = np.vstack([walk.measured[1:], np.full_like(walk.measured[:1], np.nan)])  # published a tick later
-    found = []
+    panels = []
     for i, name in enumerate(names):
         curves = {"measured": measured[:, i], "nominal model": nominal[:, i], "with the estimates": estimated[:, i]}
         low, high = np.nanpercentile(np.concatenate([measured[:, i], estimated[:, i]]), (1, 99))
         room = 0.3 * (high - low)
-        found.append(Panel(name, curves, ends=(low - room, high + room)))
-    return found
+        panels.append(Panel(name, curves, ends=(low - room, high + room)))
+    return panels
 
 
 def swing_foot(walk: WalkRecords) -> Array:

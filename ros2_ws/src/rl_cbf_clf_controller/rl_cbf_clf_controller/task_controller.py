@@ -121,7 +121,7 @@ class TaskController(OneRobot):
 
     @one_at_a_time
     def __init__(self, task: ControlTask, problem: Problem | None = None) -> None:
-        self.task, self.own, self.true = task, dict(task.controllers), dict(task.true)
+        self.task, self.brought, self.true = task, dict(task.controllers), dict(task.true)
         terms, observed = task.tick.terms, tuple(task.observed)
         units = tuple((name, 0.0, 1.0) for name in observed)
         self.problem = problem or Problem(task.name, terms.inputs, terms.names, observed, units)
@@ -167,7 +167,7 @@ class TaskController(OneRobot):
     @property
     def names(self) -> tuple[str, ...]:
         """The names of the controllers that are no policies."""
-        return NOMINAL, ORACLE, *self.own
+        return NOMINAL, ORACLE, *self.brought
 
     def controlling(self, name: str) -> Controlling:
         """A controller by its name, a policy by its file, or KIND:FILE of a package; raises `TaskError`."""
@@ -176,7 +176,7 @@ class TaskController(OneRobot):
         kind, _, path = name.partition(":")
         if path:
             try:
-                self.own[name] = plugins.load(KINDS, kind)(self.task, Path(path))
+                self.brought[name] = plugins.load(KINDS, kind)(self.task, Path(path))
             except plugins.PluginError as error:
                 raise TaskError(str(error)) from error
             return name
@@ -209,7 +209,7 @@ class TaskController(OneRobot):
 
     def step(self, state: RobotState) -> ControllerOutput:
         """One tick: the input, and all that others read of it; raises whatever a controller of the task raises."""
-        controller = self.own.get(self.policy) if isinstance(self.policy, str) else None
+        controller = self.brought.get(self.policy) if isinstance(self.policy, str) else None
         self._without_qp = self._decided_by(controller, state) if controller else None
         return self._without_qp or super().step(state)
 

@@ -44,10 +44,10 @@ class EstimatorNode(SimulatorFollower):
 
     def __init__(self) -> None:
         super().__init__("estimator")
-        own = declare(self, NodeParameters)
+        of_node = declare(self, NodeParameters)
         parameters = declare(self, EstimatorParameters)
         refuse_unknown(self)
-        take_priority(own.priority, self.get_logger().warning)
+        take_priority(of_node.priority, self.get_logger().warning)
         self._estimator = ContactAidedFilter(parameters)
         self._episode, self._announcements = Episode(), Announcements()
         self._forget()
@@ -175,9 +175,9 @@ class EstimatorNode(SimulatorFollower):
         self._lost = message.episode
 
     def _status(self) -> Status:
-        found = self._estimator.found
+        belief = self._estimator.belief
         figures = {
-            "normalised innovation": found.nis.item() / found.measured.item() if found.measured > 0 else "",
+            "normalised innovation": belief.nis.item() / belief.measured.item() if belief.measured > 0 else "",
             "scheduling": scheduling(),
         }
         episode, tick = self._turn

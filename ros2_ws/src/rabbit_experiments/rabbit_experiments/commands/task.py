@@ -132,7 +132,7 @@ def export(
 
     controllers = TaskController(loaded)
     controlling = controllers.controlling(controller)
-    if controlling in controllers.own:
+    if controlling in controllers.brought:
         fail(f"--controller {controller}: expected one with a QP")
     own_folder(folder, "export --task")
     controllers.policy = controlling

@@ -115,7 +115,7 @@ class PlayedRide:
         self.simulation, self.controller = TaskSimulation(task), TaskController(task)
         self.simulation.altered = partial(altered, task, settings)
         self.controller.policy = self.controller.controlling(name)
-        self.name, self._rows, self._has_qp = Path(name).stem, rows, name not in self.controller.own
+        self.name, self._rows, self._has_qp = Path(name).stem, rows, name not in self.controller.brought
         self._ride = Ride(task, self.name, settings.seed)
         self.row, self.outcome = [math.nan] * len(rows.columns), ""
 
