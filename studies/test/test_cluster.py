@@ -332,7 +332,10 @@ def test_workers_of_this_machine_listen_to_it_alone_and_end_with_ctrl_c(started:
     until(lambda: cache.get(jobs[2]))
     processes = [psutil.Process(client.pid), *psutil.Process(client.pid).children(recursive=True)]
     listening = [
-        each.laddr.ip for process in processes for each in process.net_connections() if each.status == "LISTEN"
+        net_connection.laddr.ip
+        for process in processes
+        for net_connection in process.net_connections()
+        if net_connection.status == "LISTEN"
     ]
     assert {*listening} == {"127.0.0.1"}
     os.killpg(client.pid, signal.SIGINT)

@@ -99,7 +99,7 @@ def test_torques_and_rows_on_the_same_states(folder: Path, name: str) -> None:
 @pytest.mark.parametrize("name", CONTROLLERS)
 def test_twenty_courses_end_as_in_python(folder: Path, name: str) -> None:
     answers = ask(folder, ask="walks", name=name, settings=SETTINGS, seeds=[*SEEDS])
-    assert [(each["outcome"], each["stones"]) for each in answers] == endings(*assembly(name).build())
+    assert [(answer["outcome"], answer["stones"]) for answer in answers] == endings(*assembly(name).build())
 
 
 @pytest.mark.parametrize(
@@ -116,7 +116,7 @@ def test_falls_are_alike(folder: Path, name: str, settings: dict[str, float]) ->
     """Where robots fall, a rounding decides after which stone."""
     answers = ask(folder, ask="walks", name=name, settings={**SETTINGS, **settings}, seeds=[*SEEDS])
     wanted = endings(*assembly(name, **settings).build())
-    assert [(each["outcome"], each["stones"]) for each in answers] == wanted
+    assert [(answer["outcome"], answer["stones"]) for answer in answers] == wanted
     assert {outcome for outcome, _ in wanted} > {"walked"}
 
 

@@ -54,7 +54,7 @@ def test_the_features_are_those_of_the_landings() -> None:
     rows = np.array(seen.rows)
     column = {name: rows[:, at] for at, name in enumerate(FEATURES)}
     assert column["step_index"].tolist() == [1, 2, 3]
-    assert column["step_length"] == pytest.approx([each.l for each in landings[:3]], abs=0.01)
+    assert column["step_length"] == pytest.approx([landing.l for landing in landings[:3]], abs=0.01)
     assert list(zip(column["l_min"], column["stone_width"], strict=True)) == [previews[k] for k in (2, 3, 4)]
     ticks = np.diff([0, *(each.tick for each in landings[:3])])
     assert column["speed"] == pytest.approx(column["step_length"] / (0.01 * ticks))

@@ -114,7 +114,10 @@ def test_a_course_walked_is_a_time_limit_and_a_fall_is_not(action: float, has_wa
 @pytest.mark.parametrize("terrain", ["stones", "flat"])
 def test_plants_of_the_training_are_of_development_families_alone(terrain) -> None:
     others = {
-        name for each in families().families.values() if each.split != "development" for name in each.on(terrain) or {}
+        name
+        for family in families().families.values()
+        if family.split != "development"
+        for name in family.on(terrain) or {}
     } - storm().on(terrain).keys()
     development = {"torque_rate", "dead_zone", "sensor_dropout"} | ({"loose_stone"} if terrain == "stones" else set())
     seen: set[str] = set()

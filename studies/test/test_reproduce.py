@@ -84,7 +84,7 @@ def test_at_each_point_every_controller_walks_the_same_courses_in_both_engines()
     for _, field, value in lines:
         for engine in ENGINES:
             scenarios = [lines[who, field, value].scenario(FULL, engine) for who in WHO]
-            assert len({(each.seed, each.runs, each.assembly.simulation) for each in scenarios}) == 1
+            assert len({(scenario.seed, scenario.runs, scenario.assembly.simulation) for scenario in scenarios}) == 1
             assert scenarios[0].runs >= 20
             assert scenarios[0].assembly.simulation.plant == engine.plant
             assert getattr(scenarios[0].assembly.simulation, field) == value

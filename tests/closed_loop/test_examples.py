@@ -87,7 +87,7 @@ def test_the_worked_tick_has_the_numbers_of_its_page(capsys):
     assert number.sub("", told).split() == number.sub("", said).split()
     numbers = [[float(each) for each in number.findall(text)] for text in (told, said)]
     assert numbers[1] == pytest.approx(numbers[0], rel=0.02)
-    B1, dB1 = (float(each) for each in re.search(r"^B1 \(m\), B1' +(\S+) +(\S+)", said, re.MULTILINE).groups())
+    B1, dB1 = (float(group) for group in re.search(r"^B1 \(m\), B1' +(\S+) +(\S+)", said, re.MULTILINE).groups())
     required = float(re.search(r"^-K_b .* (\S+)$", said, re.MULTILINE)[1])
     assert required == pytest.approx(-4900 * B1 - 140 * dB1, rel=0.02)
     assert float(re.search(r"^B1'' estimated +(\S+)", said, re.MULTILINE)[1]) == pytest.approx(required, rel=0.01)

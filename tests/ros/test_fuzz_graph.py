@@ -44,7 +44,7 @@ class Stranger:
         known = set(nodes)
         there = self._node.get_node_names_and_namespaces
         world.wait(lambda: known <= {name for name, _ in there()} and are_known(), HANGS)
-        heard = [each for name in nodes for each in ends[name]]
+        heard = [end for name in nodes for end in ends[name]]
         served = [each for name in nodes for each in ends[f"{name} serves"]]
         self.topics = {name: type_named(kinds[0]) for name, kinds in heard}
         self.services = {name: type_named(kinds[0]) for name, kinds in served}
@@ -85,7 +85,7 @@ class Stranger:
         """Until no more than so many requests are open."""
 
         def is_answered() -> bool:
-            answers[:] = [each for each in answers if not each[1].done()]
+            answers[:] = [answer for answer in answers if not answer[1].done()]
             return len(answers) <= most
 
         try:

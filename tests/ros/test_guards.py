@@ -143,7 +143,7 @@ def test_a_missed_deadline_is_told_and_one_of_no_topic_is_refused(world: Any) ->
     world.start("simulator", stones=1, start_paused=False, **{deadline % "state": 50_000_000})  # ns
     world.start("controller")
     world.ended()  # nothing is said any more
-    world.wait(lambda: any("deadline missed" in each.message for each in world.statuses("simulator")))
+    world.wait(lambda: any("deadline missed" in status.message for status in world.statuses("simulator")))
     (state, episode) = (
         world.node.get_publishers_info_by_topic(f"/{world.namespace}/{n}") for n in ("state", "episode")
     )

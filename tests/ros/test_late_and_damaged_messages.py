@@ -91,7 +91,7 @@ def closing_node(node: Any) -> Iterator[Any]:
 
 def callbacks(node: Any) -> dict[str, Callable[..., None]]:
     """What the middleware calls, by topic."""
-    hears = {each.topic_name.split("/")[-1]: each.callback for each in node.subscriptions}
+    hears = {subscription.topic_name.split("/")[-1]: subscription.callback for subscription in node.subscriptions}
     return {topic: callback for topic, callback in hears.items() if topic in SOUND}
 
 

@@ -114,7 +114,7 @@ def test_the_trainer_learns_on_from_the_policy_that_walks(tmp_path: Path) -> Non
     assert done.returncode in (ExitCode.WALKED, ExitCode.FELL), done.stdout + done.stderr
     told = yaml.safe_load((folder / "parameters.yaml").read_text())
     assert told["/**/controller"]["ros__parameters"]["swap_at"] == "episode"
-    swaps = [swap for each in read_episodes(folder / "recording").values() for swap in each.swaps]
+    swaps = [swap for episode in read_episodes(folder / "recording").values() for swap in episode.swaps]
     published = {m.version: bytes(m.data) for _, m in messages(folder / "recording", "policy")}
     assert len(swaps) == 2
     for swap in swaps:

@@ -102,9 +102,9 @@ def test_a_controller_and_a_simulator_of_ones_own_are_shown_and_recorded(tmp_pat
     world.processes.send("recorder", signal.SIGINT)
     assert world.processes.wait("recorder", 60) == 0
     stamps = {(state.header.stamp.sec, state.header.stamp.nanosec): state for state in states}
-    for each in frames:
-        moved = {one.child_frame_id: one for one in each.transforms}
-        at = each.transforms[0].header.stamp
+    for frame in frames:
+        moved = {one.child_frame_id: one for one in frame.transforms}
+        at = frame.transforms[0].header.stamp
         turn = moved["left_thigh"].transform.rotation
         assert 2 * math.atan2(turn.y, turn.w) == pytest.approx(stamps[at.sec, at.nanosec].q[3])
     assert_shown_and_checked(tmp_path / "recording")

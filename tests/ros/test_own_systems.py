@@ -66,7 +66,7 @@ def test_nodes_answer_as_a_ride_in_process(world: Any, name: str) -> None:
     ride = ride_of(TaskController(load_task(path_of(name))), NOMINAL, SEED)
     assert (end.outcome, end.touchdowns) == (ride.outcome, ride.impacts)
     world.wait(lambda: len(torques) >= len(ride.moments))
-    assert [list(each.torque) for each in torques] == [each.u.tolist() for each in ride.moments]
+    assert [list(torque.torque) for torque in torques] == [moment.u.tolist() for moment in ride.moments]
     assert {each.policy_version for each in torques} == {NOMINAL}
 
 
@@ -83,7 +83,7 @@ def test_a_policy_is_swapped_between_two_ticks(world: Any) -> None:
     assert (first.version, first.accepted, refused.accepted, swap.accepted) == (NOMINAL, True, False, True)
     assert "trained for another" in refused.reason
     assert (swap.episode, swap.tick) > (1, 0)
-    controller, rest = TaskController(task), [each for each in torques if each.episode == swap.episode]
+    controller, rest = TaskController(task), [torque for torque in torques if torque.episode == swap.episode]
     expected = []
 
     def go_on(record: Record) -> None:

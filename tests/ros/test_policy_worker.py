@@ -95,7 +95,7 @@ class Asked:
 @contextmanager
 def controller(kind: type[Any], *parameters: str) -> Iterator[Asked]:
     """The policies of a controller in this process."""
-    words = [word for each in parameters for word in ("-p", each)]
+    words = [word for parameter in parameters for word in ("-p", parameter)]
     rclpy.init(args=["--ros-args", *words, "--log-level", "fatal"], signal_handler_options=SignalHandlerOptions.NO)
     node = kind()
     try:

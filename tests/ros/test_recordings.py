@@ -39,11 +39,11 @@ def test_a_recorder_begun_in_the_middle_tells_recorded_from_announced(world: Any
     world.wait(lambda: states[-1].episode > begun + 1 and states[-1].tick > 20)
     world.processes.stop(("recorder",))
     accounts = list(iterate_inventories(path))
-    there = [each for each in accounts if each.presence is Presence.RECORDED]
+    there = [account for account in accounts if account.presence is Presence.RECORDED]
     assert [each.number for each in accounts if each.presence is Presence.ANNOUNCED] == list(range(1, begun))
     assert [each.number for each in there] == list(range(begun, there[-1].number + 1))
     assert [(each.begins, each.ends) for each in (there[0], there[1])] == [(False, True), (True, True)]
-    ends = {each.episode: each.tick for each in world.ends()}
+    ends = {end.episode: end.tick for end in world.ends()}
     for each in there:
         assert each.lost == 0
         assert each.recorded == each.last - each.first + 1

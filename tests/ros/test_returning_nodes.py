@@ -57,7 +57,7 @@ def test_nodes_find_each_other_behind_many_others(make_world: Any) -> None:
         world.start("controller", controller="cbf-clf-qp")
         episodes = world.hear("episode")
         world.go()
-        world.wait(lambda: any(each.phase == Episode.ENDED and each.tick > 0 for each in episodes))
+        world.wait(lambda: any(episode.phase == Episode.ENDED and episode.tick > 0 for episode in episodes))
     assert episodes[-1].outcome == "walked"
 
 

@@ -191,7 +191,7 @@ def test_a_robot_elsewhere_is_not_enabled_and_told_why(world: Any) -> None:
         for name, message in hanging(header(0)).items()
     }
     ticks = count(1)
-    world.wait(lambda: all(each.get_subscription_count() for each in publishers.values()))
+    world.wait(lambda: all(publisher.get_subscription_count() for publisher in publishers.values()))
 
     def refusal() -> str:
         for _ in range(3):

@@ -147,7 +147,8 @@ def test_a_robot_is_found_from_its_motion(plant, accelerations):
 def accelerations() -> NumpyFunction:
     """q'' and the ground's force of (q, dq, robot's row, torque)."""
     own = PinnedRobot()
-    inputs = {"q": own.q, "dq": own.dq, "robot": ca.vertcat(*(ca.vec(each.T) for each in own.parameters.values()))}
+    robot = ca.vertcat(*(ca.vec(parameter.T) for parameter in own.parameters.values()))
+    inputs = {"q": own.q, "dq": own.dq, "robot": robot}
     found = {"acceleration": own.acceleration(own.u), "force": own.force(own.u)}
     return NumpyFunction.of("accelerations", {**inputs, "u": own.u}, found)
 

@@ -131,7 +131,7 @@ def test_with_exact_estimates_the_true_error_is_the_estimated_one() -> None:
     rollout(simulation, Controller(CONTROLLER, gait, oracle), 1, records.append)
     simulation.close()
     maker = maker_of(records[0].output, plant, "oracle", knows_plant=True)
-    errors = [each.output.alpha @ each.output.mu + each.output.beta for each in records]
+    errors = [record.output.alpha @ record.output.mu + record.output.beta for record in records]
     rows = np.array([maker.row(r.state, r.output, true=error) for r, error in zip(records, errors, strict=True)])
     column = dict(zip(maker.columns, rows.T, strict=True))
     for name in records[0].output.quantities:

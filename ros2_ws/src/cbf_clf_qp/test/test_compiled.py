@@ -100,7 +100,7 @@ def test_bits_are_those_of_the_virtual_machine_alone_and_many_at_once(make: Any)
     for alone in (make(), function):  # in the virtual machine, and compiled
         at_once = BatchFunction(alone)
         for many in (n, 3, 1):
-            assert same(expected[:many], at_once(*(each[:many] for each in rows)).row)
+            assert same(expected[:many], at_once(*(row[:many] for row in rows)).row)
         assert same(at_once(rows[0]).row[0], make()(rows[0][0]).row)  # the others are left out
 
 
@@ -108,7 +108,7 @@ def test_a_function_is_compiled_while_it_is_called(cache: Path) -> None:
     function, rows = smooth(), inputs(smooth(), OFTEN)
     expected = [smooth()(*each).row for each in zip(*rows, strict=True)]
     for i in range(OFTEN - 1):
-        assert same(function(*(each[i] for each in rows)).row, expected[i])
+        assert same(function(*(row[i] for row in rows)).row, expected[i])
     assert not cache.exists()
     calls = 0
     while function.fastest is function.function:  # until the test's time is over

@@ -54,7 +54,7 @@ def assemblies(name: str = "ours", plants: list[dict[str, Any]] = PLANTS, **tuni
     policy = resolve_policy(None, controller)
     shared = {"plant": "mujoco", "motor_lag": 0.004, "stones": 3, "terrain": controller.terrain}
     on_flat = {} if controller.terrain == "stones" else {"stone_height": 0.0, "loose_stone": 0}
-    return [Assembly(SimulationParameters(**{**shared, **each, **on_flat}), controller, policy) for each in plants]
+    return [Assembly(SimulationParameters(**{**shared, **plant, **on_flat}), controller, policy) for plant in plants]
 
 
 def alone(assembly: Assembly, seed: int) -> tuple[list[Record], Outcome]:
@@ -210,7 +210,7 @@ def test_what_is_wrong_with_one_robot_is_its_own_error(name: str, tuning: dict[s
                 except (ControllerError, np.linalg.LinAlgError) as error:
                     errors[i] = f"controller error: {error}"
                     refused.add(kind)
-            assert output.scene.errors.items() >= {each for each in errors.items() if tick == at}, kind
+            assert output.scene.errors.items() >= {item for item in errors.items() if tick == at}, kind
             assert output.scene.errors.keys() <= errors.keys(), kind
     assert refused >= {"q NaN", "dq inf"}
 

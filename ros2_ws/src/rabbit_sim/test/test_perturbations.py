@@ -127,7 +127,7 @@ def test_a_fading_motor_brakes_with_all_its_torque_and_drives_with_less() -> Non
 
 def test_cogging_does_no_work_over_a_turn() -> None:
     motors, angles = Cogging(cogging=7.0), np.arange(0, 2 * pi, 1e-3)
-    torques = [motors.transmitted(Memory(), np.zeros(4), np.full(4, each), np.ones(4))[0] for each in angles]
+    torques = [motors.transmitted(Memory(), np.zeros(4), np.full(4, angle), np.ones(4))[0] for angle in angles]
     assert np.trapezoid(torques, angles) == pytest.approx(0, abs=1e-3)
     assert np.max(np.abs(torques)) == pytest.approx(7, rel=1e-3)
 
@@ -140,7 +140,7 @@ def test_a_coupled_hip_pulls_at_its_own_knee() -> None:
 
 def test_an_eccentric_gear_gives_the_torque_itself_in_the_mean_of_its_turn() -> None:
     legs, angles = EccentricGears(gear_eccentricity=0.5), np.arange(0, 2 * pi, 1e-3)
-    given = [legs.transmitted(Memory(), np.full(4, 10.0), np.full(4, each), np.ones(4))[0] for each in angles]
+    given = [legs.transmitted(Memory(), np.full(4, 10.0), np.full(4, angle), np.ones(4))[0] for angle in angles]
     assert np.mean(given) == pytest.approx(10, rel=1e-3)
     assert (np.min(given), np.max(given)) == (pytest.approx(5, rel=1e-3), pytest.approx(15, rel=1e-3))
     assert np.sum(np.diff(np.array(given) > 10)) == 2 * ECCENTRIC_PERIODS

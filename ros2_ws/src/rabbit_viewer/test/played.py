@@ -44,7 +44,7 @@ class Played:
 
     def rows(self, walker: int = 0) -> dict[str, Array]:
         """Of one of those that are played, by column."""
-        columns = [each["columns"] for each in self.words["about"]["walkers"]]
+        columns = [word["columns"] for word in self.words["about"]["walkers"]]
         data = self.broadcast.known[1]
         table = np.array(struct.unpack(f"<{len(data) // 4}f", data)).reshape(-1, sum(map(len, columns)))
         first = sum(map(len, columns[:walker]))

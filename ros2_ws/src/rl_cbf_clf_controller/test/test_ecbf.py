@@ -18,7 +18,7 @@ STONE, R1, R2 = StonePreview(1, 0.33, 0.38), 1.0, 0.36
 def at(swing, stone=STONE):
     """B1 and B2 of the swing foot."""
     barriers = stone_barriers(ca.SX(ca.DM(swing)), stone.l_min, stone.l_max, stone.height, R1, R2)
-    return np.array([float(ca.evalf(each)) for each in barriers])
+    return np.array([float(ca.evalf(barrier)) for barrier in barriers])
 
 
 @pytest.mark.parametrize(("length", "signs"), [(0.32, (1, -1)), (0.35, (1, 1)), (0.39, (-1, 1))])

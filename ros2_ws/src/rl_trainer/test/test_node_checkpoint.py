@@ -64,7 +64,8 @@ def test_what_was_told_in_a_broken_episode_is_learned_from(tmp_path: Path, toy_w
         assert_same(one, other)
     again = begun(tmp_path, Told())
     assert again.trainer.taken == len(told.transitions) > 0
-    assert again.trainer.replay.added == sum(again.trainer.replay.accepts(each) for each in told.transitions) > 0
+    accepted = sum(map(again.trainer.replay.accepts, told.transitions))
+    assert again.trainer.replay.added == accepted > 0
 
 
 def test_a_kill_between_checkpoint_and_journal_doubles_nothing(

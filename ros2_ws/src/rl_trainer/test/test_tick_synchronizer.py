@@ -104,8 +104,8 @@ def test_an_observation_comes_back_with_or_without_a_step_length(names: tuple[st
     before = transition(len(names))
     (after,), lines = transitions_of(line_of(before, PARAMETERS), PARAMETERS)
     assert lines == 1
-    for each in fields(Transition):
-        assert np.array_equal(getattr(after, each.name), getattr(before, each.name)), each.name
+    for field in fields(Transition):
+        assert np.array_equal(getattr(after, field.name), getattr(before, field.name)), field.name
 
 
 def test_every_prefix_of_a_journal_has_the_lines_that_are_whole(tmp_path: Path) -> None:
