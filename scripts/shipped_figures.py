@@ -5,6 +5,7 @@ from shipped_tables import (
     BEST,
     FLAT,
     HIGH_GAIN,
+    LARGE,
     MAPS,
     MASSES,
     PAPER,
@@ -18,6 +19,7 @@ from shipped_tables import (
     interval,
     large,
     large_table,
+    leaderboard,
     lost,
     masses_table,
     of_masses,
@@ -35,7 +37,7 @@ from shipped_tables import (
     where,
 )
 
-LARGE, WHERE = "benchmark_mujoco", "studies/docs/tuning.md#half-twice-and-thrice-the-mass"
+WHERE = "studies/docs/tuning.md#half-twice-and-thrice-the-mass"
 
 
 def pages() -> dict[str, Page]:
@@ -43,6 +45,7 @@ def pages() -> dict[str, Page]:
     return {
         "README.md": readme(),
         "docs/results.md": results(),
+        "studies/docs/leaderboard.md": Page(blocks={"leaderboard": leaderboard()}),
         "studies/docs/results_paper.md": paper(),
         "studies/docs/results_robots.md": Page(blocks={"rides": rides_table()}),
         "studies/docs/structure.md": structure(),

@@ -1,5 +1,6 @@
 """The shipped tables: what is counted in them, and the tables that pages show."""
 
+import json
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -58,7 +59,8 @@ def courses(name: str, *maps: Map, terrains: Sequence[str] = TERRAINS) -> int:
     return table(name).courses("best", where(*maps, terrains=terrains))
 
 
-large, unseen, harm = (partial(walked, name) for name in ("benchmark_mujoco", "unseen_mujoco", "no_harm_mujoco"))
+LARGE = "benchmark_mujoco"
+large, unseen, harm = (partial(walked, name) for name in (LARGE, "unseen_mujoco", "no_harm_mujoco"))
 
 
 def interval(name: str, this: str, other: str, *maps: Map, terrains: Sequence[str] = TERRAINS) -> list[str]:
@@ -103,6 +105,17 @@ def large_table(name: str) -> str:
         line = [str(rows.walked(who, chosen)) if rows.courses(who, chosen) else "" for chosen in there]
         lines.append([method(who).title, *line, f"{walked(name, who, *maps):,}" if all(line) else ""])
     return markdown_table([*head, f"all, of {courses(name, *maps):,}"], lines)
+
+
+def leaderboard() -> str:
+    """The row of `best`, as `rabbit benchmark` writes one."""
+    groups = {f"{region}, {terrain}": (region, terrain) for terrain in TERRAINS for region in MAPS}
+    head = [f"{name}, of {courses(LARGE, of, terrains=(terrain,))}" for name, (of, terrain) in groups.items()]
+    row = [str(large("best", of, terrains=(terrain,))) for of, terrain in groups.values()]
+    made = json.loads((DATA / "tables.json").read_text(encoding="utf-8"))["map"]["commit"]
+    every = f"{large('best', *MAPS):,}", "61003", "MuJoCo", made
+    head = ["method", *head, f"all, of {courses(LARGE, *MAPS):,}", "seed", "engine", "commit"]
+    return markdown_table(head, [["`best`, for comparison", *row, *every]])
 
 
 def unseen_table() -> str:
