@@ -181,8 +181,8 @@ class Benchmark:
         walks = Walks([result.row for result in results])
         (low, high), tick = walks.interval, times(results)["tick_ms_p50"]
         figures = {"walked": walks.walked, "courses": walks.runs, "low": low, "high": high}
-        each = by_course(row.success for row in walks.rows)
-        return BenchmarkRow(**about, **figures, mean_stones=walks.mean_stones, tick_ms=tick, by_course=each)
+        letters = by_course(row.success for row in walks.rows)
+        return BenchmarkRow(**about, **figures, mean_stones=walks.mean_stones, tick_ms=tick, by_course=letters)
 
 
 def walked_more(table: Table, reference: str) -> str:

@@ -83,10 +83,10 @@ def test_what_nobody_could_walk_is_refused(words: list[str], said: str, tmp_path
 
 
 def test_a_benchmark_goes_on_and_leaves_a_blank_with_its_reason(tmp_path: Path) -> None:
-    entered = [each for each in BUILT_IN if each.name in ("nominal-pd", "robust", "identified")]
+    entered = [method for method in BUILT_IN if method.name in ("nominal-pd", "robust", "identified")]
     wanted, cache = chosen(["flat/scale-1"]), Cache(tmp_path / "cache")
     runs = plan(TINY, entered, wanted)
-    jobs = [job for each in runs.values() if not isinstance(each, str) for job in each]
+    jobs = [job for walks in runs.values() if not isinstance(walks, str) for job in walks]
     assert run(jobs[:1], cache) == 1
     assert run(jobs, cache) == 1
     page = Benchmark.from_cache(TINY, entered, wanted, runs, cache).write(tmp_path)

@@ -61,8 +61,8 @@ def test_a_step_begins_as_one_gait_and_ends_as_the_other(taken: float, wanted: f
     assert path.phase_angle_start == first.phase_angle_start
     assert path.phase_angle_end == pytest.approx(last.phase_angle_end, abs=1e-12)
     for order in range(3):
-        begins = (np.diff(each.coeffs, order)[:, 0] for each in (path, first))
-        ends = (np.diff(each.coeffs, order)[:, -1] for each in (path, last))
+        begins = (np.diff(curve.coeffs, order)[:, 0] for curve in (path, first))
+        ends = (np.diff(curve.coeffs, order)[:, -1] for curve in (path, last))
         np.testing.assert_allclose(*begins, atol=1e-12)
         np.testing.assert_allclose(*ends, atol=1e-12)
 
@@ -106,7 +106,7 @@ def test_with_noise_the_intervals_hold_the_truth_about_as_often_as_they_say() ->
 def test_errors_of_the_speeds_do_not_bias_what_is_found() -> None:
     """As large as the noise, they take least squares' A down from 0.6; the instruments know nothing of them."""
     plants = linear_plants(0.05, 3, plants=200, seeming=0.05)
-    x, y, _ = (np.concatenate(each) for each in zip(*without_mean(plants), strict=True))
+    x, y, _ = (np.concatenate(column) for column in zip(*without_mean(plants), strict=True))
     assert np.linalg.lstsq(x, y, rcond=None)[0][0] < 0.5
     np.testing.assert_allclose(fitted(plants).coefficients, TRUTH, atol=0.03)
 
@@ -114,8 +114,8 @@ def test_errors_of_the_speeds_do_not_bias_what_is_found() -> None:
 def test_a_walk_explores_and_a_gait_without_slopes_is_refused() -> None:
     tuning = load_parameters("best")
     walks = exploring_walks(2, 5, tuning)
-    assert [each[0].assembly.simulation.terrain for each in walks] == ["flat", "stones"]
-    assert {walk.assembly.simulation.push for each in walks for walk in each} == {0.0}
+    assert [of_plant[0].assembly.simulation.terrain for of_plant in walks] == ["flat", "stones"]
+    assert {walk.assembly.simulation.push for of_plant in walks for walk in of_plant} == {0.0}
     steps = walks[0][0].do()
     assert len(steps.slopes) == len(steps.speeds) >= 1
     assert walks[0][0].do() == steps, "the same seed, the same walk"

@@ -83,13 +83,13 @@ def test_torques_and_rows_on_the_same_states(folder: Path, name: str) -> None:
     assert records[-1].state.touchdowns == 19  # 20 stones
     wanted = np.array([record.output.torque for record in records])
     found = ask(folder, ask="torques", name=name, states=[as_json(record) for record in records])
-    assert max(each["residual"] for each in found) < OPTIMAL
-    torques = np.array([each["torque"] for each in found])
+    assert max(answer["residual"] for answer in found) < OPTIMAL
+    torques = np.array([answer["torque"] for answer in found])
     np.testing.assert_allclose(torques, wanted, rtol=0, atol=EQUAL)
     about = about_walk(parts.controller, parts.simulation, "", 1, "")
     maker = RowMaker(about, controller.qp.names, controller.barrier_names)
     rows = np.array([maker.row(record.state, record.output) for record in records])
-    drawn = np.array([each["row"] for each in found], dtype=float)  # JSON has null for NaN
+    drawn = np.array([answer["row"] for answer in found], dtype=float)  # JSON has null for NaN
     is_slack = np.array(["slack" in name for name in maker.columns])  # near 0 where the CLF's row is: a step's start
     np.testing.assert_allclose(drawn[:, ~is_slack], rows[:, ~is_slack], rtol=1e-6, atol=1e-6)
     np.testing.assert_allclose(drawn[:, is_slack], rows[:, is_slack], rtol=1e-6, atol=1e-4)
@@ -129,11 +129,11 @@ def test_the_robot_in_mujocos_xml(folder: Path, settings: dict[str, float]) -> N
         assert one.attrib.keys() == other.attrib.keys()
         for name, value in other.attrib.items():
             try:
-                wanted = [float(each) for each in value.split()]
+                wanted = [float(word) for word in value.split()]
             except ValueError:
                 assert one.attrib[name] == value
             else:
-                assert [float(each) for each in one.attrib[name].split()] == pytest.approx(wanted, rel=1e-14)
+                assert [float(word) for word in one.attrib[name].split()] == pytest.approx(wanted, rel=1e-14)
 
 
 def test_mujoco_has_pythons_version() -> None:

@@ -72,7 +72,7 @@ def test_an_action_gives_the_torque_it_was_found_for_or_the_nearest() -> None:
     torque = rng.uniform(-200, 200, (200, ACTIONS))
     action = action_for(scene, torque)
     given, (least, most) = command(Memory.of(200), scene, action), (-np.ones((200, 4)), np.ones((200, 4)))
-    low, high = (command(Memory.of(200), scene, each) for each in (least, most))
+    low, high = (command(Memory.of(200), scene, policy) for policy in (least, most))
     assert given == pytest.approx(np.clip(torque, low, high))
     assert 0.2 < (np.abs(action) < 1).mean() < 0.9
 

@@ -34,7 +34,7 @@ def test_the_true_probabilities_are_found() -> None:
     assert np.mean(np.abs(found - p)) < 0.01
     judgement = judged(found, missed)
     assert judgement.skill > 0.04
-    assert sum(each.holds for each in judgement.bins) >= len(judgement.bins) - 1
+    assert sum(group.holds for group in judgement.bins) >= len(judgement.bins) - 1
 
 
 def test_the_features_are_those_of_the_landings() -> None:
@@ -56,7 +56,7 @@ def test_the_features_are_those_of_the_landings() -> None:
     assert column["step_index"].tolist() == [1, 2, 3]
     assert column["step_length"] == pytest.approx([landing.l for landing in landings[:3]], abs=0.01)
     assert list(zip(column["l_min"], column["stone_width"], strict=True)) == [previews[k] for k in (2, 3, 4)]
-    ticks = np.diff([0, *(each.tick for each in landings[:3])])
+    ticks = np.diff([0, *(landing.tick for landing in landings[:3])])
     assert column["speed"] == pytest.approx(column["step_length"] / (0.01 * ticks))
     assert np.all(column["largest_torque"] <= tuning.torque_limit + 1e-9)
     assert np.all(np.isfinite(rows))

@@ -36,8 +36,8 @@ def test_alpha_off_by_a_known_matrix() -> None:
 
 def test_beta_off_by_half_its_deviation_has_three_quarters_explained() -> None:
     found = errors(STONES, [Estimates(true.alpha, true.beta + 5) for true in truth()], truth(), MU, LGV)
-    assert all(each["beta_r2"] == pytest.approx(0.75) for each in found.values())
-    assert all(each["error"] == pytest.approx(0.5) for each in found.values())
+    assert all(figures["beta_r2"] == pytest.approx(0.75) for figures in found.values())
+    assert all(figures["error"] == pytest.approx(0.5) for figures in found.values())
 
 
 def assembly(controller: str, policy: str, **plant: object) -> Assembly:
@@ -52,9 +52,9 @@ def assembly(controller: str, policy: str, **plant: object) -> Assembly:
 def test_the_oracle_against_itself_is_exact(controller: str) -> None:
     found = compare(assembly(controller, "oracle"), "policy", [1])
     assert found["walks"][0]["outcome"] == "walked"
-    for name, each in found["quantities"].items():
+    for name, figures in found["quantities"].items():
         constant = name in ("C1", "C2", "y1", "y2", "y3", "y4")  # alpha of a uniformly scaled robot
-        assert list(each.values()) == [0, None if constant else 1, 1, 0, 0], name
+        assert list(figures.values()) == [0, None if constant else 1, 1, 0, 0], name
 
 
 @pytest.mark.parametrize(("truth", "within", "above"), [(1.0, 0.95, 0.025), (1.5, 0.0, 1.0), (0.6, 0.0, 0.0)])

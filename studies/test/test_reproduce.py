@@ -19,7 +19,7 @@ from rabbit_reproduce.report import RUNS, Claim, judge, read_rows
 from rabbit_reproduce.table_lines import COLUMNS, FULL, QUICK, Line, Results, Size
 from typer.testing import CliRunner
 
-LINES = [line for each in EXPERIMENTS for line in each.lines()]
+LINES = [line for experiment in EXPERIMENTS for line in experiment.lines()]
 
 
 class OneStone(Experiment):
@@ -32,7 +32,7 @@ class OneStone(Experiment):
     shown = ("nominal",)
 
     def __init__(self) -> None:
-        assembly, oracle = (each.assembly(stones=1) for each in (CBF_CLF, CBF_CLF_ORACLE))
+        assembly, oracle = (contender.assembly(stones=1) for contender in (CBF_CLF, CBF_CLF_ORACLE))
         self.by_key = {"nominal": Line("nominal", assembly, "walks"), "oracle": Line("oracle", oracle)}
 
     def claims(self, results: Results) -> list[Claim]:

@@ -31,7 +31,7 @@ few:
 
 
 def test_every_shipped_table_is_in_the_list() -> None:
-    assert {*DOCS.glob("data/*.csv")} <= {DOCS / each for table in TABLES.values() for each in table["ships"].values()}
+    assert {*DOCS.glob("data/*.csv")} <= {DOCS / file for table in TABLES.values() for file in table["ships"].values()}
 
 
 def test_what_is_said_to_be_made_is_there() -> None:
@@ -47,7 +47,7 @@ def test_a_command_names_what_there_is(name: str) -> None:
     command = TABLES[name]["command"]
     subprocess.run(["bash", "-n", "-c", command], check=True)
     for task in re.findall(r"\bfor task in ([^;]*);", command):
-        assert all((ROOT / "examples" / f"{each}.py").is_file() for each in task.split())
+        assert all((ROOT / "examples" / f"{word}.py").is_file() for word in task.split())
     for cells in re.findall(r"(?<=--cells )'?([a-z][\w,*/-]+)|(?<=INSIDE=')([^']*)", command):
         assert chosen("".join(cells).split(","))
     for word in command.split() if "rabbit benchmark" in command else ():

@@ -33,9 +33,9 @@ def test_robots_side_by_side_are_rides_of_the_true_system(cart: Path) -> None:
     for _ in range(40):
         actions = rng.uniform(-1.5, 1.5, (3, 1))
         reads, reward, failed, cut, _ = env.step(actions)
-        x = np.array([task.moved(*each).x for each in zip(x, [true] * 3, actions.clip(-1, 1) * 20.0, strict=True)])
+        x = np.array([task.moved(*ride).x for ride in zip(x, [true] * 3, actions.clip(-1, 1) * 20.0, strict=True)])
         np.testing.assert_allclose(reads[:, :2] * env.about.scale[:2] + env.about.center[:2], x, atol=1e-12)
-        V = [task.tick.look(each, task.parameters_at({}, {"target": 1.2})).V[0] for each in x]
+        V = [task.tick.look(state, task.parameters_at({}, {"target": 1.2})).V[0] for state in x]
         np.testing.assert_allclose(reward, PER_TICK / (1 + np.array(V) / env.about.V))
         assert not (failed | cut).any()
 
@@ -51,7 +51,7 @@ def test_a_broken_barrier_ends_an_episode_and_the_next_one_begins(cart: Path) ->
     assert reward[failed] == pytest.approx(BROKEN)
     wall = env.about.reads.index("wall")
     last, now = (
-        each[failed, wall] * env.about.scale[wall] + env.about.center[wall] for each in (infos["final_obs"], reads)
+        rows[failed, wall] * env.about.scale[wall] + env.about.center[wall] for rows in (infos["final_obs"], reads)
     )
     assert (last < 0.3).all()  # a tick before
     assert (now > 0.8).all()

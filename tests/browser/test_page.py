@@ -96,8 +96,8 @@ def test_a_first_visit_sees_the_walk_the_fall_and_why(chromium: Chromium) -> Non
         late.wait(f"rabbit.clock.row > 0 && rabbit.clock.row < {walk}.fall.from")
         assert late.look("document.querySelector('#happened').className") == "waits"
         late.wait("!document.querySelector('#happened.waits')")
-        for each in (page, late):
-            check_requests(each)
+        for opened in (page, late):
+            check_requests(opened)
     finally:
         assert served.end() == 0
 

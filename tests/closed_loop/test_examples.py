@@ -85,7 +85,7 @@ def test_the_worked_tick_has_the_numbers_of_its_page(capsys):
     told, said = page.split("```text\n")[1].split("```")[0], capsys.readouterr().out
     number = re.compile(r"(?<=\s)-?\d+(?:\.\d+)?(?=\s)")
     assert number.sub("", told).split() == number.sub("", said).split()
-    numbers = [[float(each) for each in number.findall(text)] for text in (told, said)]
+    numbers = [[float(digits) for digits in number.findall(text)] for text in (told, said)]
     assert numbers[1] == pytest.approx(numbers[0], rel=0.02)
     B1, dB1 = (float(group) for group in re.search(r"^B1 \(m\), B1' +(\S+) +(\S+)", said, re.MULTILINE).groups())
     required = float(re.search(r"^-K_b .* (\S+)$", said, re.MULTILINE)[1])

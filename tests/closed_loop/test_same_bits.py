@@ -45,7 +45,7 @@ def ticks(controller: Controller, states: Sequence[RobotState]) -> list[tuple[by
 
 
 @pytest.mark.parametrize(
-    "name", [each if each == "cbf-clf-qp" else pytest.param(each, marks=pytest.mark.thorough) for each in CONTROLLERS]
+    "name", [kind if kind == "cbf-clf-qp" else pytest.param(kind, marks=pytest.mark.thorough) for kind in CONTROLLERS]
 )
 def test_a_tick_has_the_same_bits_wherever_it_is_computed(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     assembly, records = assembly_of(name, CONTROLLERS[name]), list[Record]()

@@ -87,7 +87,7 @@ def test_every_step_begins_inside_and_the_foot_stays_within_the_margin(
     """With motors that lag, held torques and soft rows, B may be negative by less than the rows' margin."""
     base = make_assembly(controller, "zero", plant=plant, mass_scale=mass_scale, stones=10)
     policy = resolve_policy(policy, base.controller)
-    outputs = [each.output for each in walked(Assembly(base.simulation, base.controller, policy), 9001)[0]]
+    outputs = [tick.output for tick in walked(Assembly(base.simulation, base.controller, policy), 9001)[0]]
     starts = np.flatnonzero(np.diff([output.step_index for output in outputs], prepend=-1))
     B = np.array([output.barriers for output in outputs])
     rate = np.array([output.barrier_rates for output in outputs])
@@ -102,7 +102,7 @@ def test_with_exact_estimates_and_motors_that_do_not_lag_no_barrier_is_negative(
     make_assembly: MakeAssembly, plant: str
 ) -> None:
     assembly = make_assembly("rl-cbf-clf-qp", "oracle", plant=plant, mass_scale=2.0, stones=10, motor_lag=0.0)
-    B = np.array([each.output.barriers for each in walked(assembly, 9001)[0]])
+    B = np.array([tick.output.barriers for tick in walked(assembly, 9001)[0]])
     assert B.min() >= -ROUNDING
 
 

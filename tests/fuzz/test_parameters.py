@@ -33,9 +33,9 @@ anything = st.one_of(
 def bounds(info: Any) -> tuple[float, float]:
     """Least and largest value of a number, wide where it has none."""
     low, high = -1e6, 1e6
-    for each in info.metadata:
-        low = getattr(each, "ge", None) if getattr(each, "ge", None) is not None else getattr(each, "gt", low)
-        high = getattr(each, "le", None) if getattr(each, "le", None) is not None else getattr(each, "lt", high)
+    for bound in info.metadata:
+        low = getattr(bound, "ge", None) if getattr(bound, "ge", None) is not None else getattr(bound, "gt", low)
+        high = getattr(bound, "le", None) if getattr(bound, "le", None) is not None else getattr(bound, "lt", high)
     return float(low or 0 if low is None else low), float(high if high is not None else 1e6)
 
 

@@ -82,7 +82,7 @@ def done(node: Any, name: str) -> Rights:
         "request": node.get_client_names_and_types_by_node,
     }
     try:
-        return {qualifier: {each for each, _ in ask(name, "/")} for qualifier, ask in asked.items()}
+        return {qualifier: {topic for topic, _ in ask(name, "/")} for qualifier, ask in asked.items()}
     except NodeNameNonExistentError:
         return {}
 

@@ -45,7 +45,7 @@ class Stranger:
         there = self._node.get_node_names_and_namespaces
         world.wait(lambda: known <= {name for name, _ in there()} and are_known(), HANGS)
         heard = [end for name in nodes for end in ends[name]]
-        served = [each for name in nodes for each in ends[f"{name} serves"]]
+        served = [service for name in nodes for service in ends[f"{name} serves"]]
         self.topics = {name: type_named(kinds[0]) for name, kinds in heard}
         self.services = {name: type_named(kinds[0]) for name, kinds in served}
         self._newest, self._sent = dict.fromkeys(self.topics, b""), set[bytes]()
@@ -97,7 +97,7 @@ class Stranger:
         """Put back the parameters that it set; every node answers every service."""
         for name, before in self._before.items():
             now = self._parameters(name)
-            changed = [each for each in before if each not in now]
+            changed = [parameter for parameter in before if parameter not in now]
             assert all(result.successful for result in self.ask(f"{name}/set_parameters", parameters=changed).results)
         for name in self._clients:
             self.ask(name)
@@ -113,7 +113,7 @@ class Stranger:
         """Of a node, those that may change."""
         names = self.ask(f"{node}/list_parameters").result.names
         described = self.ask(f"{node}/describe_parameters", names=names).descriptors
-        names = [each.name for each in described if not each.read_only]
+        names = [parameter.name for parameter in described if not parameter.read_only]
         values = self.ask(f"{node}/get_parameters", names=names).values if names else []
         return [Parameter(name=name, value=value) for name, value in zip(names, values, strict=True)]
 

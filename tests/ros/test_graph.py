@@ -144,7 +144,7 @@ def test_parameters_are_described_bounded_and_read_only(world: Any) -> None:
     scale, pace, plant, stones = world.ask(DescribeParameters, "simulator/describe_parameters", names=names).descriptors
     assert scale.description
     assert (scale.floating_point_range[0].from_value, scale.floating_point_range[0].to_value) == (0.1, 10.0)
-    assert [each.read_only for each in (scale, pace, plant, stones)] == [True, False, True, True]
+    assert [parameter.read_only for parameter in (scale, pace, plant, stones)] == [True, False, True, True]
     assert "pybullet, rigid" in plant.additional_constraints
     assert stones.integer_range[0].from_value == 1
 

@@ -60,8 +60,8 @@ def node() -> Iterator[Careless]:
 def ask(node: Careless) -> Iterator[Callable[..., Any]]:
     """Calls a service of the node, which is spun meanwhile."""
     client, executor = rclpy.create_node("client"), EventsExecutor()
-    for each in (node, client):
-        executor.add_node(each)
+    for spun in (node, client):
+        executor.add_node(spun)
 
     def call(kind: Any, name: str, **fields: Any) -> Any:
         answer = call_service(client.create_client(kind, name), kind.Request(**fields), executor.spin_once, 60.0)
@@ -91,7 +91,7 @@ def test_a_request_on_which_a_service_fails_is_answered(ask: Callable[..., Any])
 def test_a_parameter_of_no_type_is_refused(ask: Callable[..., Any]) -> None:
     """ROS's own service raises; of several parameters those before are set, and the others are not."""
     results = ask(SetParameters, "careless/set_parameters", parameters=[NUMBER, UNKNOWN, NUMBER]).results
-    assert [each.successful for each in results] == [True, False, False]
+    assert [result.successful for result in results] == [True, False, False]
     assert "77" in results[1].reason
     result = ask(SetParametersAtomically, "careless/set_parameters_atomically", parameters=[UNKNOWN]).result
     assert (result.successful, "77" in result.reason) == (False, True)
@@ -147,7 +147,7 @@ def test_a_missed_deadline_is_told_and_one_of_no_topic_is_refused(world: Any) ->
     (state, episode) = (
         world.node.get_publishers_info_by_topic(f"/{world.namespace}/{n}") for n in ("state", "episode")
     )
-    assert [each.qos_profile.deadline.nanoseconds for each in state] == [50_000_000]
+    assert [publisher.qos_profile.deadline.nanoseconds for publisher in state] == [50_000_000]
     assert episode[0].qos_profile.deadline.nanoseconds > 10**12
     world.start("estimator", **{deadline % "torque": 50_000_000})  # which does not publish it
     world.wait(lambda: "estimator has no parameter of this name" in world.log("estimator"))

@@ -67,7 +67,7 @@ def test_nodes_answer_as_a_ride_in_process(world: Any, name: str) -> None:
     assert (end.outcome, end.touchdowns) == (ride.outcome, ride.impacts)
     world.wait(lambda: len(torques) >= len(ride.moments))
     assert [list(torque.torque) for torque in torques] == [moment.u.tolist() for moment in ride.moments]
-    assert {each.policy_version for each in torques} == {NOMINAL}
+    assert {torque.policy_version for torque in torques} == {NOMINAL}
 
 
 def test_a_policy_is_swapped_between_two_ticks(world: Any) -> None:
@@ -92,10 +92,10 @@ def test_a_policy_is_swapped_between_two_ticks(world: Any) -> None:
             controller.policy = controller.fitted(fit)
 
     rollout(TaskSimulation(task), controller, SEED + swap.episode - 1, go_on)
-    got = [list(each.torque) for each in rest]
+    got = [list(torque.torque) for torque in rest]
     assert len(got) > swap.tick
     assert got == expected
-    assert [each.policy_version == fit.version for each in rest] == [each.tick >= swap.tick for each in rest]
+    assert [torque.policy_version == fit.version for torque in rest] == [torque.tick >= swap.tick for torque in rest]
 
 
 ROVER = """
@@ -121,7 +121,7 @@ def test_a_rover_is_filtered_from_odometry_to_twist_and_stops_where_states_fall_
     world.start_task("controller", str(path), "robot_controller", **topics)
     odometry = world.node.create_publisher(Odometry, "odom", qos_profile_sensor_data)
     wanted = world.node.create_publisher(Float64MultiArray, "wanted", qos_profile_sensor_data)
-    world.wait(lambda: all(each.get_subscription_count() for each in (odometry, wanted)))
+    world.wait(lambda: all(publisher.get_subscription_count() for publisher in (odometry, wanted)))
     world.spin(0.5)
     refused = world.ask(SetBool, "pause", data=False)
     assert (refused.success, refused.message) == (False, "no state yet")

@@ -40,16 +40,16 @@ def test_a_recorder_begun_in_the_middle_tells_recorded_from_announced(world: Any
     world.processes.stop(("recorder",))
     accounts = list(iterate_inventories(path))
     there = [account for account in accounts if account.presence is Presence.RECORDED]
-    assert [each.number for each in accounts if each.presence is Presence.ANNOUNCED] == list(range(1, begun))
-    assert [each.number for each in there] == list(range(begun, there[-1].number + 1))
-    assert [(each.begins, each.ends) for each in (there[0], there[1])] == [(False, True), (True, True)]
+    assert [episode.number for episode in accounts if episode.presence is Presence.ANNOUNCED] == list(range(1, begun))
+    assert [episode.number for episode in there] == list(range(begun, there[-1].number + 1))
+    assert [(episode.begins, episode.ends) for episode in (there[0], there[1])] == [(False, True), (True, True)]
     ends = {end.episode: end.tick for end in world.ends()}
-    for each in there:
-        assert each.lost == 0
-        assert each.recorded == each.last - each.first + 1
-        assert not each.ends or each.last == ends[each.number] - 1
+    for episode in there:
+        assert episode.lost == 0
+        assert episode.recorded == episode.last - episode.first + 1
+        assert not episode.ends or episode.last == ends[episode.number] - 1
     checked = list(check_episodes(path))
-    assert [(each.replayed, each.differing) for each in checked] == [(0, []), *((e.recorded, []) for e in there[1:])]
+    assert [(e.replayed, e.differing) for e in checked] == [(0, []), *((e.recorded, []) for e in there[1:])]
 
 
 def test_further_topics_are_recorded_where_they_are_asked_for(world: Any) -> None:
@@ -121,6 +121,6 @@ def test_a_recording_is_played_again(world: Any, recording: Path) -> None:
         for message, data in zip(messages, recorded[name], strict=True):
             again = deserialize_message(data, type(message))
             for field in again.get_fields_and_field_types():  # not the bytes: what pads them may differ
-                both = [getattr(each, field) for each in (message, again)]
+                both = [getattr(copy, field) for copy in (message, again)]
                 both = [np.asarray(value) if isinstance(value, array) else value for value in both]  # NaN is NaN
                 np.testing.assert_equal(*both, err_msg=f"{name}.{field}")

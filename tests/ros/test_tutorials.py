@@ -76,9 +76,9 @@ def test_own_barrier(tmp_path: Path) -> None:
     assert "walked: 1 of 1 episodes walked" in said
     leans = re.findall(r"^(\S+), seed \d+: (\d+) steps, lean up to (\S+) rad", said, re.MULTILINE)
     steps, learned = 20, [lean for lean in leans if lean[0] != "zero"]
-    assert max(int(each[1]) for each in leans if each[0] == "zero") < steps
-    assert {int(each[1]) for each in learned} == {steps}
-    assert all(float(each[2]) < 0.345 + 2e-4 for each in learned)
+    assert max(int(row[1]) for row in leans if row[0] == "zero") < steps
+    assert {int(row[1]) for row in learned} == {steps}
+    assert all(float(row[2]) < 0.345 + 2e-4 for row in learned)
 
 
 def test_own_robot(tmp_path: Path) -> None:

@@ -142,10 +142,10 @@ def refusals(world: Any, node: str) -> list[str]:
 
 def test_the_first_one_walks_on_and_the_second_one_plays_nothing(make_world: Any) -> None:
     alone, world = make_world("alone"), make_world("two")
-    for each in (alone, world):
-        each.hear("state"), each.hear("episode")
-        each.start("simulator", seed=5, pace=1.0, **SHORT)
-        each.start("controller")
+    for graph in (alone, world):
+        graph.hear("state"), graph.hear("episode")
+        graph.start("simulator", seed=5, pace=1.0, **SHORT)
+        graph.start("controller")
     alone.go()
     world.go()
     world.wait(lambda: len(world.hear("state")) > 20)
@@ -155,7 +155,7 @@ def test_the_first_one_walks_on_and_the_second_one_plays_nothing(make_world: Any
     world.ask(SetBool, "pause", data=False)
     expected, got = alone.ended(), world.ended()
     assert (got.outcome, got.tick) == (expected.outcome, expected.tick)
-    states = [[s.applied for s in each.hear("state") if s.tick] for each in (alone, world)]
+    states = [[s.applied for s in graph.hear("state") if s.tick] for graph in (alone, world)]
     np.testing.assert_array_equal(states[0], states[1])
     first, second = sorted({e.sender for e in world.hear("episode")})
     assert got.sender == first

@@ -64,9 +64,9 @@ LINTER = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["t
 PACKAGES = [name for name in LINTER["root_packages"] if (SOURCES / name).is_dir()]
 # modules that a package must not load even through others; rclpy is hidden below anyway
 NEVER_LOADED = {
-    each["source_modules"][0]: {*each["forbidden_modules"]} - {"rclpy"}
-    for each in LINTER["contracts"]
-    if len(each.get("source_modules", ())) == 1
+    contract["source_modules"][0]: {*contract["forbidden_modules"]} - {"rclpy"}
+    for contract in LINTER["contracts"]
+    if len(contract.get("source_modules", ())) == 1
 }
 IMPORT_ALL = """
 import importlib, pkgutil, sys
@@ -117,12 +117,12 @@ def required(target: Path) -> dict[str, str]:
 def family(package: str, installed: Callable[[str], Path]) -> set[str]:
     """The package and those beside it that it requires, or that these require."""
     needed = required(installed(package)).keys() & set(PACKAGES)
-    return {package}.union(*(family(each, installed) for each in needed))
+    return {package}.union(*(family(dependency, installed) for dependency in needed))
 
 
 def loaded_modules(package: str, installed: Callable[[str], Path]) -> list[str]:
     """Import a pip-installed library without ROS, in a process of its own; returns its file and all that got loaded."""
-    path = os.pathsep.join(str(installed(each)) for each in family(package, installed))
+    path = os.pathsep.join(str(installed(member)) for member in family(package, installed))
     kept = {name: os.environ[name] for name in ("PATH", "HOME", "LD_LIBRARY_PATH") if name in os.environ}
     environment = {**kept, "PYTHONPATH": path, "_ROS_WHEELS_BOOTSTRAP_COMPLETE": "1", "OMP_NUM_THREADS": "1"}
     command = [sys.executable, "-c", IMPORT_ALL, package, "rclpy", "rabbit_msgs", *ros_dependencies(package)]

@@ -62,7 +62,7 @@ def state_at(walk: WalkRecords, row: int) -> msg.RobotState:
 def edges(walk: WalkRecords, row: int, landings: slice = slice(None), sees: bool = True) -> list[tuple[float, float]]:
     """Where the boxes of a row begin and end, for a viewer that has heard some of the landings so far."""
     landed = walk.landings[walk.landings[:, 0] <= walk.touchdowns[row]][landings]
-    heard = [msg.Landing(l=each[2], l_min=each[3], l_max=each[4]) for each in landed]
+    heard = [msg.Landing(l=row[2], l_min=row[3], l_max=row[4]) for row in landed]
     ahead = StonePreview(0, *walk.preview[row]) if sees and np.isfinite(walk.preview[row, 0]) else None
     foot = float(RabbitFeet().positions(walk.q[row])[walk.stance[row]][0])
     first, *boxes = markers(state_at(walk, row), foot, ahead, heard).markers

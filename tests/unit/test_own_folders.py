@@ -114,5 +114,5 @@ def test_every_command_with_a_place_for_results_is_among_these() -> None:
     for name, command in commands().items():
         group = typer.main.get_command(command.load())
         parts = getattr(group, "commands", {"": group}).items()
-        found |= {f"{name} {part}".strip() for part, each in parts if any("--out" in o.opts for o in each.params)}
+        found |= {f"{name} {part}".strip() for part, command in parts if any("--out" in o.opts for o in command.params)}
     assert found == {name.partition(",")[0] for name in (*FOLDERS, *FILES, "bag recover")}

@@ -94,7 +94,7 @@ def test_a_command_on_a_page_has_its_options(line: str) -> None:
     assert {word.split("=")[0] for word in ours if word.startswith("--")} <= known
 
 
-PAGE = "".join((ROOT / each / "promises.md").read_text(encoding="utf-8") for each in ("docs", "qa/docs"))
+PAGE = "".join((ROOT / folder / "promises.md").read_text(encoding="utf-8") for folder in ("docs", "qa/docs"))
 ROWS = re.findall(r"^\| (?!promise)(?!-)(?!--)(.+) \|$", PAGE, re.MULTILINE)
 TESTS = re.compile(r"`([\w/]+\.py)::(\w+)`")
 
@@ -122,7 +122,7 @@ def functions(file: Path) -> set[str]:
 WITH_FIGURES = (
     "README.md",
     "docs/results.md",
-    *(f"studies/docs/{each}.md" for each in ("results_paper", "results_robots", "structure", "tuning")),
+    *(f"studies/docs/{page}.md" for page in ("results_paper", "results_robots", "structure", "tuning")),
 )
 DATA = ROOT / "studies" / "docs" / "data"
 TABLES = sorted(path for path in DATA.glob("*.csv") if "by_course" in path.read_text(encoding="utf-8").split("\n")[0])

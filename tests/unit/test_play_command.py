@@ -19,7 +19,7 @@ def client() -> Iterator[Callable[..., PageClient]]:
         return PageClient(served[-1].address)
 
     yield start
-    assert [each.end() for each in served] == [0]
+    assert [process.end() for process in served] == [0]
 
 
 def test_a_browsers_wish_is_done(client: Callable[..., PageClient]) -> None:

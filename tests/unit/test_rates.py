@@ -62,7 +62,7 @@ def test_motors_do_not_know_the_rate(motors: dict[str, float], tick: float) -> N
 
     def given(tick: float) -> Any:
         actuation, times = Actuation(SimulationParameters(tick_seconds=tick, **motors)), round(0.01 / tick)
-        return np.concatenate([actuation.advance(each) for each in np.repeat(commands, times, axis=0)])
+        return np.concatenate([actuation.advance(command) for command in np.repeat(commands, times, axis=0)])
 
     np.testing.assert_allclose(given(tick), given(0.01), rtol=1e-12, atol=1e-12)
 

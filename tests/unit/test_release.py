@@ -69,7 +69,7 @@ def test_every_command_topic_and_service_is_promised() -> None:
         lines = setup.get("options.entry_points", "rabbit.commands", fallback="")
         commands |= set(re.findall(r"^(\w+) =", lines, re.MULTILINE))
     assert {*re.findall(r"`rabbit (\w+)`", section("Commands"))} == commands
-    assert {*re.findall(r"`(\w+)`", section("Topics and services"))} == {each.name for each in (*TOPICS, *SERVICES)}
+    assert {*re.findall(r"`(\w+)`", section("Topics and services"))} == {offer.name for offer in (*TOPICS, *SERVICES)}
 
 
 def test_every_promised_group_of_entry_points_is_read() -> None:

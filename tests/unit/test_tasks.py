@@ -85,11 +85,11 @@ def test_the_state_after_the_last_tick_counts(task, tmp_path):
     ride = ride_of(TaskController(own), "bang", 1)
     assert ride.moments[-1].output.barriers[0] == pytest.approx(1 - 5 * 0.44**2)
     write_ride(ride, tmp_path / "bag", None)
-    for each in (ride, recorded_ride(own, tmp_path / "bag")):
-        assert each.outcome == "done"
-        assert each.margins == pytest.approx([1 - 5 * 0.45**2])
-        assert not each.is_kept
-        assert "wall broken, at least -0.0125 at 0.45 s" in ended_of(each)["reason"]
+    for seen in (ride, recorded_ride(own, tmp_path / "bag")):
+        assert seen.outcome == "done"
+        assert seen.margins == pytest.approx([1 - 5 * 0.45**2])
+        assert not seen.is_kept
+        assert "wall broken, at least -0.0125 at 0.45 s" in ended_of(seen)["reason"]
 
 
 @pytest.mark.parametrize(

@@ -154,7 +154,7 @@ def test_in_a_batch_it_says_to_the_bit_what_it_says_alone(terrain) -> None:
     own, gait, file = parameters(terrain), load_gaits("slopes"), residual_file()
     plants = [plant(terrain, mass_scale=scale) for scale in (1.0, 1.6)]
     policy = ResidualActor(file)
-    batch = BatchSimulation([make_simulation(each, gait) for each in plants])
+    batch = BatchSimulation([make_simulation(plant, gait) for plant in plants])
     together = BatchController(Controller(own, gait, policy), [policy] * 2)
     for robot in range(2):
         together.reset(robot, robot)

@@ -62,14 +62,14 @@ def inputs(function: NumpyFunction, n: int) -> list[np.ndarray[Any, Any]]:
     rng = np.random.default_rng(0)
     rows = [rng.normal(size=(n, size)) * 10 ** rng.uniform(-4, 3, (n, 1)) for _, size, _ in function.arguments]
     for i, value in enumerate((0.0, -0.0, np.inf, -np.inf, np.nan, 1e200)):
-        each = rows[i % len(rows)]
-        each[i :: max(n // 5, 7), i % each.shape[1]] = value
+        row = rows[i % len(rows)]
+        row[i :: max(n // 5, 7), i % row.shape[1]] = value
     return rows
 
 
 def same(one: Any, other: Any) -> bool:
     """To the bit, but for those of NaN."""
-    one, other = (np.nan_to_num(each, nan=1.5e300, posinf=np.inf, neginf=-np.inf) for each in (one, other))
+    one, other = (np.nan_to_num(values, nan=1.5e300, posinf=np.inf, neginf=-np.inf) for values in (one, other))
     return bool(one.tobytes() == other.tobytes())
 
 
@@ -92,11 +92,11 @@ def program(path: Path, text: str) -> str:
 def test_bits_are_those_of_the_virtual_machine_alone_and_many_at_once(make: Any) -> None:
     function, n = make(), OFTEN - 100
     rows = inputs(function, n)
-    expected = np.array([function(*each).row for each in zip(*rows, strict=True)])
+    expected = np.array([function(*call).row for call in zip(*rows, strict=True)])
     assert function.fastest is function.function
     function.compile(wait=True)
     assert function.fastest is not function.function
-    assert same(expected, [function(*each).row for each in zip(*rows, strict=True)])
+    assert same(expected, [function(*call).row for call in zip(*rows, strict=True)])
     for alone in (make(), function):  # in the virtual machine, and compiled
         at_once = BatchFunction(alone)
         for many in (n, 3, 1):
@@ -106,20 +106,20 @@ def test_bits_are_those_of_the_virtual_machine_alone_and_many_at_once(make: Any)
 
 def test_a_function_is_compiled_while_it_is_called(cache: Path) -> None:
     function, rows = smooth(), inputs(smooth(), OFTEN)
-    expected = [smooth()(*each).row for each in zip(*rows, strict=True)]
+    expected = [smooth()(*call).row for call in zip(*rows, strict=True)]
     for i in range(OFTEN - 1):
         assert same(function(*(row[i] for row in rows)).row, expected[i])
     assert not cache.exists()
     calls = 0
     while function.fastest is function.function:  # until the test's time is over
         i, calls = calls % OFTEN, calls + 1
-        assert same(function(*(each[i] for each in rows)).row, expected[i])
+        assert same(function(*(row[i] for row in rows)).row, expected[i])
     assert len(list(cache.iterdir())) == 1
 
 
 def test_what_is_compiled_is_kept(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     smooth().compile(wait=True)
-    assert [each.suffix for each in cache.iterdir()] == [".so"]
+    assert [file.suffix for file in cache.iterdir()] == [".so"]
     monkeypatch.setattr(subprocess, "Popen", None)
     function = smooth()
     function.compile()
@@ -146,7 +146,7 @@ def test_processes_compile_at_once(cache: Path) -> None:
     with ThreadPoolExecutor(3) as pool:
         for said, errors in pool.map(lambda _: run(), range(3)):
             assert (said, errors) == ([[row, "True"] for row in ROWS], "")
-    assert [each.suffix for each in cache.iterdir()] == [".so", ".so"]
+    assert [file.suffix for file in cache.iterdir()] == [".so", ".so"]
 
 
 def broken(what: str, folder: Path) -> dict[str, str]:

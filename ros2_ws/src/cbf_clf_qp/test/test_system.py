@@ -160,9 +160,9 @@ def test_a_measured_value_is_the_mean_of_the_exact_ones(make_plant: Any) -> None
 
 def test_relative_degree_3_is_not_measured(chain: System) -> None:
     """Remark 3; but it has rows, see `test_system.py`."""
-    for each in (Barrier("deep", chain.x[0], (1, 2, 3)), Clf(chain.x[0], gains=(1.0, 3.0, 3.0))):
+    for quantity in (Barrier("deep", chain.x[0], (1, 2, 3)), Clf(chain.x[0], gains=(1.0, 3.0, 3.0))):
         with pytest.raises(ValueError, match=r"(deep|V): one difference measures relative degrees 1 and 2 only"):
-            measure(Terms(chain, [each]))
+            measure(Terms(chain, [quantity]))
 
 
 def test_a_sensor_is_read_as_the_tick_ends(chain: System) -> None:

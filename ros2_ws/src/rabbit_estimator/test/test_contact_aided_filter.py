@@ -210,7 +210,7 @@ def test_a_reset_forgets_the_last_episode():
     for tick in range(20):
         used.update(state(tick, joint_angles=JOINTS + 0.1 * tick))
     for tick in range(3):
-        first, second = (each.update(state(tick)) for each in (fresh, used))
+        first, second = (filter_.update(state(tick)) for filter_ in (fresh, used))
         assert (first.q == second.q).all()
         assert (first.dq == second.dq).all()
 
@@ -226,8 +226,8 @@ def test_a_reset_forgets_the_last_episode():
 )
 def test_what_cannot_be_used_is_named_and_changes_nothing(wrong, name):
     estimator, fresh = (ContactAidedFilter(EstimatorParameters()) for _ in range(2))
-    for each in (estimator, fresh):
-        each.update(state(0))
+    for filter_ in (estimator, fresh):
+        filter_.update(state(0))
     with pytest.raises(EstimatorError, match=name):
         estimator.update(wrong)
     assert (estimator.update(state(1)).q == fresh.update(state(1)).q).all()

@@ -93,7 +93,7 @@ def test_every_tick_is_that_of_the_walk_alone(name: str, tuning: dict[str, Any],
     lengths = {len(ticks) for ticks, _ in walks}
     assert len(lengths) > 1  # some end earlier
     gait = load_gaits(made[0].controller.gait)
-    simulation = BatchSimulation([make_simulation(each.simulation, gait) for each in made])
+    simulation = BatchSimulation([make_simulation(assembly.simulation, gait) for assembly in made])
     policies: list[Policy] = [made[0].make_policy()] * len(made)
     controller = BatchController(Controller(made[0].controller, gait, policies[0]), policies)
     states = simulation.reset(list(SEEDS[: len(made)]))
@@ -125,7 +125,7 @@ def test_a_run_in_a_batch_leaves_the_row_of_the_run_alone() -> None:
     together = dict(walk_together(made[0].make_controller(), made, range(5), SEEDS[:5]))
     for i, assembly in enumerate(made):
         expected = walk(assembly, i, SEEDS[i])
-        rows = [each.row.model_dump(exclude=TIMES) for each in (together[i], expected)]
+        rows = [result.row.model_dump(exclude=TIMES) for result in (together[i], expected)]
         assert repr(rows[0]) == repr(rows[1])  # all digits, and NaN is NaN
         assert repr(together[i].violations) == repr(expected.violations)  # the sign of zero too
         assert len(together[i].tick_seconds) == expected.row.ticks
@@ -191,8 +191,8 @@ HOSTILE: dict[str, dict[str, Any]] = {
 def test_what_is_wrong_with_one_robot_is_its_own_error(name: str, tuning: dict[str, Any]) -> None:
     """The error's words, or the tick, are those of the controller alone; the robots beside it never notice."""
     made = assemblies(name, PLANTS[:3], **tuning)
-    walks = [[tick.state for tick in alone(each, seed)[0]][:12] for each, seed in zip(made, SEEDS, strict=False)]
-    controllers = [each.make_controller() for each in made]
+    walks = [[tick.state for tick in alone(*run)[0]][:12] for run in zip(made, SEEDS, strict=False)]
+    controllers = [assembly.make_controller() for assembly in made]
     together, refused = BatchController(made[0].make_controller(), [controllers[0].policy] * 3), set[str]()
     for at, (kind, changes) in product((0, 9), HOSTILE.items()):
         for i, controller in enumerate(controllers):

@@ -78,7 +78,7 @@ def write_bag(walk: Walk) -> Callable[..., Path]:
 
     def write_walk(path: Path, change: Any = lambda topic, message: message) -> Path:
         kept = ((topic, tick * TICK_NS, change(topic, message)) for topic, tick, message in told(walk))
-        return write(path, (each for each in kept if each[2]))
+        return write(path, (entry for entry in kept if entry[2]))
 
     return write_walk
 

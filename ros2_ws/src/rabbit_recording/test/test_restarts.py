@@ -51,8 +51,8 @@ def test_a_recorder_ends_where_another_simulator_begins(tmp_path: Path, walk: Wa
     data = [bytes(TYPES.serialize_cdr(state, "rabbit_msgs/msg/RobotState")) for state in states]
     word = bytes(TYPES.serialize_cdr(first_word(), "rabbit_msgs/msg/Episode"))
     time = SimulatedTime(tmp_path)
-    for topic, each in (("episode", word), ("state", data[0]), ("state", data[1]), ("episode", word)):
-        time.of(topic, "simulator", each)
+    for topic, stored in (("episode", word), ("state", data[0]), ("state", data[1]), ("episode", word)):
+        time.of(topic, "simulator", stored)
     assert time.of("state", "simulator", data[2]) == 2 * TICK_NS
     assert time.of("state", "simulator", data[0]) == 0  # without a first word it is somebody else's
     time.of("state", "simulator", data[2])
@@ -143,7 +143,7 @@ def told_settings(episode: int, tick: int, eps: float) -> Any:
 
 def in_force(settings: Settings, episode: int) -> list[tuple[int, float]]:
     """From which tick which eps holds."""
-    return [(each.tick, each.parameters.eps) for each in settings.of(episode)]
+    return [(change.tick, change.parameters.eps) for change in settings.of(episode)]
 
 
 def test_a_controller_started_again_holds_from_the_next_episode_on() -> None:

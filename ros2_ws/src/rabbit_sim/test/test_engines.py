@@ -54,7 +54,7 @@ def test_a_standing_sole_rolls_by_its_radius_times_the_shins_turn(engine, radius
             plant.advance(PRESSING)
             assert plant.observe().contact[Leg.LEFT]
         after = plant.observe()
-    shin = [float(each.q[2:5].sum()) for each in (before, after)]
+    shin = [float(reading.q[2:5].sum()) for reading in (before, after)]
     rolled = after.foot_position[Leg.LEFT, 0] - before.foot_position[Leg.LEFT, 0]
     assert abs(shin[1] - shin[0]) > 0.02
     assert rolled == pytest.approx(radius * (shin[1] - shin[0]), rel=0.05)
@@ -137,8 +137,8 @@ def test_stance_follows_the_pinned_model(engine, truth, changes, seed):
             plant.advance(torque)
         settled = plant.observe()
         rigid.reset(settled.q, settled.dq, Leg.LEFT)
-        for each in (rigid, plant):
-            each.advance(torque)
+        for engine in (rigid, plant):
+            engine.advance(torque)
         expected, measured = rigid.observe(), plant.observe()
     change = np.abs(expected.dq - settled.dq).max()
     assert np.abs(measured.dq - expected.dq).max() < 0.02 * change

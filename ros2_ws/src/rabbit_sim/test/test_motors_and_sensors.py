@@ -74,9 +74,9 @@ def reading():
 
 def measured(count, **changes):
     measure = begun(Noise, SimulationParameters(**changes), 1)
-    true = [state_of(each.q, each.dq, each.foot_force) for each in (reading() for _ in range(count))]
-    found = [measure(each, reading()) for each in true]
-    return [np.array([getattr(each, name) for each in found]) for name in ("q", "dq", "foot_force")]
+    true = [state_of(truth.q, truth.dq, truth.foot_force) for truth in (reading() for _ in range(count))]
+    found = [measure(state, reading()) for state in true]
+    return [np.array([getattr(state, name) for state in found]) for name in ("q", "dq", "foot_force")]
 
 
 def test_encoders_give_multiples_of_their_resolution():

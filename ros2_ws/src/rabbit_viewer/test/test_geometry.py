@@ -21,7 +21,7 @@ def test_feet_are_where_the_plant_has_them(links: tuple[float, float]) -> None:
 def barriers(point: Array, stone: StonePreview, R1: float, R2: float) -> Array:
     """B1, B2 of a swing foot at `point`."""
     found = stone_barriers(ca.SX(ca.DM(point)), stone.l_min, stone.l_max, stone.height, R1, R2)
-    return np.array([float(ca.evalf(each)) for each in found])
+    return np.array([float(ca.evalf(value)) for value in found])
 
 
 def test_area_is_bounded_by_the_barriers() -> None:

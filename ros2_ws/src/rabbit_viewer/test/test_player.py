@@ -38,8 +38,8 @@ def played() -> Iterator[Callable[..., Played]]:
         return made[-1]
 
     yield make
-    for each in made:
-        each.player.close()
+    for played in made:
+        played.player.close()
 
 
 def test_one_falls_and_the_other_walks_on(played: Callable[..., Played]) -> None:

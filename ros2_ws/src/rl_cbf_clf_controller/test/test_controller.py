@@ -105,7 +105,7 @@ def test_estimates_shift_the_quantities_and_only_them():
     built = make()
     scene, zero = built.look(state()), Estimates.zero(5, 4)
     freed = Estimates(zero.alpha, np.array([0.0, 0.0, 0.0, 100.0, 0.0]), zero.output_error)
-    (rows, upper), (with_force, shifted) = (programme(built, scene, each) for each in (zero, freed))
+    (rows, upper), (with_force, shifted) = (programme(built, scene, estimates) for estimates in (zero, freed))
     np.testing.assert_allclose(with_force, rows)
     unilateral = built.qp.layout.names.index("C1")
     per_newton = np.linalg.norm(rows[unilateral]) / np.linalg.norm(scene.seen.nominal_a[3])
@@ -167,7 +167,7 @@ def test_controllers_in_threads_give_the_torques_of_one_alone_and_leave_stdout(m
     states = [state(q=q + rng.normal(0, 0.02, 7), dq=dq + rng.normal(0, 0.2, 7)) for _ in range(100)]
 
     def torques(built):
-        return [built.step(each).torque.tolist() for each in states]
+        return [built.step(state).torque.tolist() for state in states]
 
     alone = torques(make())
     written = io.StringIO()
@@ -248,9 +248,9 @@ def test_another_policy_between_two_ticks_gives_its_own_torque():
     """Two that look alike but for their numbers."""
     estimates = [(np.full((5, 4), share), np.full(5, 10 * share)) for share in (0.0, 0.1, 0.2)]
     walking = make("rl-cbf-clf-qp", FixedPolicy(*estimates[0]))
-    for tick, each in enumerate([*estimates, *estimates[::-1]]):
-        walking.policy = FixedPolicy(*each)
-        fresh = make("rl-cbf-clf-qp", FixedPolicy(*each))
+    for tick, said in enumerate([*estimates, *estimates[::-1]]):
+        walking.policy = FixedPolicy(*said)
+        fresh = make("rl-cbf-clf-qp", FixedPolicy(*said))
         assert walking.step(state(tick)).torque == pytest.approx(fresh.step(state(tick)).torque, abs=1e-6)
 
 

@@ -59,7 +59,7 @@ def test_layers_by_hand() -> None:
     expected = {(3, 1): -3.0, (0, 0): 0.0, (0, 3): -3.0, (4, 2): -5.0}
     for x, before_tanh in expected.items():
         assert actor(np.array(x)).tolist() == [tanh(before_tanh)]
-    assert actor(np.array([*expected])).tolist() == [[tanh(each)] for each in expected.values()]
+    assert actor(np.array([*expected])).tolist() == [[tanh(value)] for value in expected.values()]
 
 
 @pytest.mark.usefixtures("made")
@@ -99,7 +99,7 @@ def test_c_and_numpy_have_the_same_bits(sizes: tuple[int, ...], monkeypatch: pyt
         assert bool(chosen.forward) == bool(library)
         monkeypatch.setattr(network, "NETWORK", chosen)
         found.append(np.nan_to_num(actor(rows), nan=2.0))
-    assert [each.tobytes() for each in found[1:]] == [found[0].tobytes()] * 4
+    assert [answer.tobytes() for answer in found[1:]] == [found[0].tobytes()] * 4
 
 
 def test_estimates_add_up_robot_by_robot() -> None:
@@ -123,4 +123,4 @@ def test_any_number_of_calls_has_the_bits_of_each_alone() -> None:
         xs, ys = rng.normal(size=(n, 3)), rng.normal(size=(n, 1))
         for given in ((xs, ys), (xs,)):
             rows = at_once(*given).row
-            assert np.array_equal(rows, [alone(*each).row for each in zip(*given, strict=True)])
+            assert np.array_equal(rows, [alone(*call).row for call in zip(*given, strict=True)])

@@ -32,7 +32,8 @@ def functions(kind: str) -> tuple[NumpyFunction, NumpyFunction]:
     """What is kept at first, and after a touchdown."""
     least, most, missing, speed = map(ca.SX.sym, ("least", "most", "missing", "speed"))
     first = level(least, most)
-    kept, between = {name: ca.SX.sym(name, *each.shape) for name, each in first.items()}, {"least": least, "most": most}
+    kept = {name: ca.SX.sym(name, *value.shape) for name, value in first.items()}
+    between = {"least": least, "most": most}
     inputs = {**kept, **between, "missing": missing, "v": speed}
     after = regulated(kept, least, most, missing, speed, kind)
     return NumpyFunction.of("level", between, first), NumpyFunction.of("regulated", inputs, after)
@@ -249,7 +250,7 @@ def test_the_projection_never_leaves_its_set(law, gain, ticks):
 @given(value=VECTORS, other=VECTORS)
 def test_the_projection_is_the_nearest_point(value, other):
     """The variational inequality (value - P)' (inside - P) <= 0 for every point inside."""
-    nearest, inside = (ca.DM(into_ball(ca.DM(each), 10.0)).full().ravel() for each in (value, other))
+    nearest, inside = (ca.DM(into_ball(ca.DM(point), 10.0)).full().ravel() for point in (value, other))
     assert (value - nearest) @ (inside - nearest) <= 1e-6
     assert ca.DM(into_ball(ca.DM(nearest), 10.0)).full().ravel() == pytest.approx(nearest)
 

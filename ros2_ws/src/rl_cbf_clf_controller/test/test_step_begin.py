@@ -35,7 +35,7 @@ class Beginning:
 
     def __init__(self, name, regulation="learned", robot=ROBOT):
         self.gaits, self.robot, self.feet = load_gaits(name), robot, Feet(robot)
-        self.row, self.each = gait_row(self.gaits), getattr(self.gaits, "gaits", [self.gaits])
+        self.row, self.singles = gait_row(self.gaits), getattr(self.gaits, "gaits", [self.gaits])
         shape = Shape.of(self.gaits)
         self.functions = step_functions(shape, regulation)
         self.places = places_of(kept_at_first(GaitExpressions(shape), shape))
@@ -53,7 +53,7 @@ class Beginning:
 
     def values(self, found):
         names = "path", "phase_scale", "steps_after", "place"
-        return {name: each.full().ravel() for name, each in zip(names, found)}  # noqa: B905  `first` has three
+        return {name: output.full().ravel() for name, output in zip(names, found)}  # noqa: B905  `first` has three
 
     def kept(self, found, name):
         return found["steps_after"][self.places[name][0]]
@@ -61,7 +61,7 @@ class Beginning:
     def landed(self, seed):
         """A state that a touchdown may leave, beside every path."""
         rng = np.random.default_rng(seed)
-        q, dq = self.each[rng.integers(len(self.each))].x_start
+        q, dq = self.singles[rng.integers(len(self.singles))].x_start
         return np.concatenate([q + rng.normal(0, 0.03, 7), dq + rng.normal(0, 0.3, 7)])
 
     def touchdowns(self, count):
@@ -181,7 +181,7 @@ def test_in_c_it_is_the_same_to_the_bit(name, tmp_path):
 @pytest.mark.parametrize("since", [-0.3, -0.01, 0.0, 0.02, 0.3, 0.5, 0.9, 1.0, 1.02, 1.4])
 def test_desired_outputs_are_smooth_within_a_step_and_beyond_its_ends(slopes, since):
     """Along a motion each derivative is the slope of the one before it."""
-    (q, dq), outputs = np.split(slopes.landed(0), 2), VirtualConstraints(slopes.each[0])
+    (q, dq), outputs = np.split(slopes.landed(0), 2), VirtualConstraints(slopes.singles[0])
     found = slopes.begin(slopes.landed(0), np.array([0.42, 0.47, 0.0]))
     outputs.row, outputs.scale = found["path"], found["phase_scale"]
     rate = outputs.evaluate(q, dq).phase_rate

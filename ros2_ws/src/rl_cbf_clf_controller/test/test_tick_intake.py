@@ -105,4 +105,4 @@ def test_false_episodes_do_not_crowd_out_the_present_one(
     previews = PreviewBuffer()
     for episode, index in told:
         previews.add(episode, stone(index), 0, PRESENT)
-    assert all(previews.get(*each, 0, 0) == stone(each[1]) for each in wanted)
+    assert all(previews.get(*asked, 0, 0) == stone(asked[1]) for asked in wanted)

@@ -79,13 +79,13 @@ def test_an_update_is_the_one_that_the_equations_say(
     if kind is PaperDdpg:
         size = np.ones((4, n))
         size[:, 0] += np.linalg.norm(values["LgV"], axis=1)
-        alpha_unit, beta_unit = (np.array(each) * size for each in parameters.scales[:2])
+        alpha_unit, beta_unit = (np.array(scale) * size for scale in parameters.scales[:2])
 
         def flat(alpha: Any, beta: Any) -> Any:
             return np.hstack([(alpha / alpha_unit[..., None]).reshape(4, -1), beta / beta_unit])
 
         next_scaled = (values["next_observation"] - center) / scale
-        next_action = flat(*(each.detach().double().numpy() for each in actor(batch.next_observation, batch.next_LgV)))
+        next_action = flat(*(part.detach().double().numpy() for part in actor(batch.next_observation, batch.next_LgV)))
         reward = values["reward"].sum(1) + values["penalty"]
         wanted = reward + 0.99 * (1 - values["failed"]) * network(before, next_scaled, next_action)[:, 0]
         q = network(before, scaled, flat(values["alpha"], values["beta"]))[:, 0]
