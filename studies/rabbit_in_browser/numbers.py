@@ -86,7 +86,7 @@ def controller(number: int, made: Controller) -> dict[str, Any]:
 
 
 def row(layout: Layout) -> dict[str, Any]:
-    """The row's size, and where what lies in it."""
+    """The row's size, and the place of each part."""
     return {"size": layout.size, "places": ends_of(layout.places)}
 
 

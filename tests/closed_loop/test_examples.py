@@ -82,15 +82,15 @@ def test_notebook_goes_from_a_policy_to_the_figures(tmp_path, monkeypatch, capsy
 def test_the_worked_tick_has_the_numbers_of_its_page(capsys):
     load("worked_tick")
     page = (EXAMPLES.parent / "docs" / "worked_tick.md").read_text()
-    told, said = page.split("```text\n")[1].split("```")[0], capsys.readouterr().out
+    shown, printed = page.split("```text\n")[1].split("```")[0], capsys.readouterr().out
     number = re.compile(r"(?<=\s)-?\d+(?:\.\d+)?(?=\s)")
-    assert number.sub("", told).split() == number.sub("", said).split()
-    numbers = [[float(digits) for digits in number.findall(text)] for text in (told, said)]
+    assert number.sub("", shown).split() == number.sub("", printed).split()
+    numbers = [[float(digits) for digits in number.findall(text)] for text in (shown, printed)]
     assert numbers[1] == pytest.approx(numbers[0], rel=0.02)
-    B1, dB1 = (float(group) for group in re.search(r"^B1 \(m\), B1' +(\S+) +(\S+)", said, re.MULTILINE).groups())
-    required = float(re.search(r"^-K_b .* (\S+)$", said, re.MULTILINE)[1])
+    B1, dB1 = (float(group) for group in re.search(r"^B1 \(m\), B1' +(\S+) +(\S+)", printed, re.MULTILINE).groups())
+    required = float(re.search(r"^-K_b .* (\S+)$", printed, re.MULTILINE)[1])
     assert required == pytest.approx(-4900 * B1 - 140 * dB1, rel=0.02)
-    assert float(re.search(r"^B1'' estimated +(\S+)", said, re.MULTILINE)[1]) == pytest.approx(required, rel=0.01)
+    assert float(re.search(r"^B1'' estimated +(\S+)", printed, re.MULTILINE)[1]) == pytest.approx(required, rel=0.01)
 
 
 ROOT = Path(__file__).parents[2]

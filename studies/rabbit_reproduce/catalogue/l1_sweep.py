@@ -96,8 +96,8 @@ class L1Sweep(Experiment):
         unbound = []
         for setting in UNBOUND:
             walks = every[SCALES[0], setting]
-            told = "walks" if walks.passes else f"fails after {walks.mean_stones:.1f} steps"
-            unbound.append(f"{setting.text}: {told}")
+            verdict = "walks" if walks.passes else f"fails after {walks.mean_stones:.1f} steps"
+            unbound.append(f"{setting.text}: {verdict}")
         errors = f"rms of y {best.rms('rms_y'):.4f} against {nominal.rms('rms_y'):.4f} rad"
         whole, some = len(SWEPT), ": " + "; ".join(setting.text for setting in failing)
         return [

@@ -56,7 +56,7 @@ class CommandGuard:
         self.look(now)
 
     def look(self, now: float) -> None:
-        """Lets nothing act but what is new."""
+        """Stops the robot where commands or sensors are older than the timeout."""
         ages: dict[str, Any] = {"command": now - self._commanded_at, "joint_states": now - self._sensed_at}
         for name, age in ages.items():
             if self.acts.any() and age > self._p.timeout:

@@ -9,7 +9,7 @@ _libc = ctypes.CDLL(None)
 
 
 def end_with_parent(parent: int | None = None) -> None:
-    """Has a child end as by SIGTERM when the process that started it dies.
+    """Ends a child as SIGTERM would when the process that started it dies.
 
     `parent`: its process id. With it, a child whose parent is dead already ends at once. As the initializer of a worker
     it imports little, so that such a child ends before it imports the rest.

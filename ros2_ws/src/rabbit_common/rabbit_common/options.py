@@ -73,7 +73,7 @@ class Given:
     defaults: Defaults = Defaults()
 
     def of(self, model: type[BaseModel], but: Collection[str] = ()) -> dict[str, Any]:
-        """The options that `model` has, `but` some."""
+        """The options of `model`, without those in `but`."""
         values = self.defaults.beneath(self.values)
         chosen = {name: info for name, info in model.model_fields.items() if name in values and name not in but}
         return {name: _split(info, values[name]) for name, info in chosen.items()}

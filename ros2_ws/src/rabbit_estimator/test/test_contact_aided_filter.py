@@ -56,17 +56,17 @@ def test_filters_of_several_threads_know_nothing_of_each_other():
         estimator, rest = ContactAidedFilter(EstimatorParameters()), np.array([-G * np.sin(pitch), G * np.cos(pitch)])
         for tick in range(1000):
             force = np.full(2, np.nan) if tick == 0 else rest
-            belief = estimator.update(state(tick, specific_force=force, orientation=orientation_of(pitch)))
-        return belief.q[:3]
+            estimate = estimator.update(state(tick, specific_force=force, orientation=orientation_of(pitch)))
+        return estimate.q[:3]
 
     pitches, usual = [-0.2, 0.0, 0.1, 0.3], sys.getswitchinterval()
     sys.setswitchinterval(1e-6)
     try:
         with ThreadPoolExecutor(len(pitches)) as pool:
-            belief = [*pool.map(hip_of, pitches)]
+            hips = [*pool.map(hip_of, pitches)]
     finally:
         sys.setswitchinterval(usual)
-    for hip, pitch in zip(belief, pitches, strict=True):
+    for hip, pitch in zip(hips, pitches, strict=True):
         assert hip == pytest.approx([*-stands_at(pitch, JOINTS), pitch], abs=1e-6)
 
 
@@ -111,12 +111,10 @@ def test_it_finds_how_far_the_ground_gives(compliance):
         push = up * np.array([-np.sin(PITCH), np.cos(PITCH)])
         force = np.array([[0, loads.mean()], [0, 0]])
         estimate = estimator.update(replace(state(tick, specific_force=push), foot_force=force))
-    belief, error = (
-        estimator.belief.mean[COMPLIANCE],
-        np.sqrt(estimator.belief.covariance[COMPLIANCE, COMPLIANCE]),
-    )
+    belief = estimator.belief
+    mean, error = belief.mean[COMPLIANCE], np.sqrt(belief.covariance[COMPLIANCE, COMPLIANCE])
     assert error < 0.1 * parameters.compliance_error
-    assert belief == pytest.approx(compliance, rel=0.05, abs=3 * error)
+    assert mean == pytest.approx(compliance, rel=0.05, abs=3 * error)
     assert estimate.dq[1] == pytest.approx(speed, abs=3e-3)
 
 
@@ -144,7 +142,7 @@ def flight(rng, ticks):
     accelerations = p.first_acceleration * rng.standard_normal(4)
     speed = -ca.evalf(foothold_rate(PITCH, joints, Leg.LEFT, p.foot_radius, 0.0, rates)).full().ravel()
     speed += p.first_speed * rng.standard_normal(2)
-    belief = []
+    squares = []
     parts = 50
     for tick in range(ticks):
         if tick:
@@ -168,8 +166,8 @@ def flight(rng, ticks):
         estimate = estimator.update(replace(state(tick, NEITHER if tick else LEFT), sensors=sensors))
         truth = np.concatenate([[PITCH], joints, speed, [0], rates])
         error = np.concatenate([estimate.q[2:], estimate.dq]) - truth
-        belief.append(error @ np.linalg.solve(estimator.angles_and_rates_covariance(), error))
-    return belief
+        squares.append(error @ np.linalg.solve(estimator.angles_and_rates_covariance(), error))
+    return squares
 
 
 def turned(tick, joint, angle):
@@ -242,11 +240,11 @@ def test_what_is_finite_and_too_large_gives_no_state_in_part():
         large = rng.normal(size=4) * 10.0 ** rng.uniform(-3, 300, 4)
         rate = float(rng.normal() * 10.0 ** rng.uniform(-3, 300))
         try:
-            belief = estimator.update(state(1, joint_rates=large, pitch_rate=rate, specific_force=large[:2]))
+            estimate = estimator.update(state(1, joint_rates=large, pitch_rate=rate, specific_force=large[:2]))
         except LostError:
             lost += 1
         else:
-            assert np.isfinite([*belief.q, *belief.dq]).all()
+            assert np.isfinite([*estimate.q, *estimate.dq]).all()
     assert lost > 50
 
 

@@ -25,7 +25,6 @@ from rabbit_sim.robot_urdf import leg_shape
 from rabbit_sim.simulation import SLIP_DISTANCE, SLIP_FRICTION, Simulation, stall_ticks
 
 JOINT_TORQUES, PUSHES = mujoco.mjtState.mjSTATE_QFRC_APPLIED, mujoco.mjtState.mjSTATE_XFRC_APPLIED
-FORCES = 6  # that the feet sense
 PRESSING, IN_THE_PLANE = [2, 5], [0, 2, 3, 5]  # of the forces (x, y, z) of left and right foot on the stones
 ROUNDING = 1e-9  # m, by which numpy may place a foot elsewhere: what is so near goes to `Simulation`
 
@@ -163,7 +162,7 @@ class BatchSimulation:
         return ~is_sound | was_airborne | self._is_airborne
 
     def _simulation_of(self, i: int) -> Simulation:
-        """The simulation of robot `i`, told how many ticks have been walked."""
+        """Returns the simulation of robot `i`, which now knows how many ticks have been walked."""
         simulation = self.simulations[i]
         simulation._tick = int(self.states.tick[i]) - 1
         return simulation
@@ -172,8 +171,8 @@ class BatchSimulation:
         """The truth about robot `i` after a tick in which no foot came down."""
         plant, q, dq = plant_of(self.simulations[i]), self.states.q[i].copy(), self.states.dq[i].copy()
         path = self._path[i].copy() if plant.keeps_path else None
-        force, contact = self.true_force[i].copy(), self.states.contact[i].copy()
-        return PlantReading(q, dq, force, plant.feet_at(q), contact, (), path)
+        contact = self.states.contact[i].copy()
+        return PlantReading(q, dq, self.true_force[i], plant.kinematics.positions(q), contact, (), path)
 
     def _note(self, i: int, state: RobotState) -> None:
         """What the simulation of robot `i` says."""
@@ -206,9 +205,9 @@ class BatchSimulation:
             raise ValueError("tick_seconds: expected the same of all robots of a batch")
         self._substeps, self._stall_ticks = parameters[0].substeps, stall_ticks(parameters[0])
         self._rows = np.arange(len(plants))
-        steps = np.array([plant.feeds_back or plant.model.nq != DOF for plant in plants])
-        self._one_by_one, numbers = steps.nonzero()[0].tolist(), (~steps).nonzero()[0]
-        self._at_once = numbers if steps.any() else slice(None)
+        is_stepped = np.array([plant.feeds_back or plant.model.nq != DOF for plant in plants])
+        self._one_by_one, numbers = is_stepped.nonzero()[0].tolist(), (~is_stepped).nonzero()[0]
+        self._at_once = numbers if is_stepped.any() else slice(None)
         self._measures = np.array([bool(s._measuring or s._estimate) for s in self.simulations])
         slips = [SLIP_DISTANCE - ROUNDING if p.ground_friction <= SLIP_FRICTION else np.inf for p in parameters]
         heights, pitches = ([getattr(p, name) for p in parameters] for name in ("fall_height", "fall_pitch"))
@@ -217,7 +216,7 @@ class BatchSimulation:
         self._shapes = shapes.T[:, :, None, None]
         self._pushed = [i for i, simulation in enumerate(self.simulations) if simulation._pushing]
         self._path = np.empty((len(plants), self._substeps, 2 * DOF))
-        self._sensed = np.empty((len(plants), self._substeps, FORCES))
+        self._sensed = np.empty((len(plants), self._substeps, plants[0].model.nsensordata))
         for i, plant in enumerate(plants):
             plant.watch.clear = self._is_clear[i]
         self._models = [plants[i].model for i in numbers]

@@ -29,7 +29,8 @@ Forces = list[list[float]]  # on each foot in a substep, rows left, right; colum
 class EnginePlant(Plant, ABC):
     """RABBIT on stones that are boxes; `watch` finds which feet come down.
 
-    `feeds_back`: whether joint torques depend on the state within a tick; `keeps_path`: whether a reading has a path.
+    `feeds_back`: whether joint torques depend on the state within a tick; `keeps_path`: whether a reading has a path;
+    `kinematics`: of the feet.
     """
 
     def __init__(self, parameters: SimulationParameters) -> None:
@@ -38,7 +39,7 @@ class EnginePlant(Plant, ABC):
         legs = perturbed_urdf(parameters)
         self._robot_urdf = with_attached(legs, parameters)
         self._actuation = Actuation(parameters)
-        self._kinematics = RabbitFeet(leg_shape(parameters))
+        self.kinematics = RabbitFeet(leg_shape(parameters))
         self._transmissions = [p for p in self._perturbations if p.has("transmitted")]
         self._joint_torques = [p.joint_torque(legs) for p in self._perturbations if p.has("joint_torque")]
         self.feeds_back = bool(self._transmissions or self._joint_torques)
@@ -143,12 +144,8 @@ class EnginePlant(Plant, ABC):
         slope = radians(self._parameters.slope)
         return {name: state for p in self._perturbations for name, state in p.attached_at(q, dq, slope).items()}
 
-    def feet_at(self, q: Array) -> Array:
-        """Where they are in another state, (2, 2); see `PlantReading`."""
-        return np.array(self._kinematics.points(q.tolist()))
-
     def _locate_feet(self) -> Feet:
-        return self._kinematics.points(self._now()[0])
+        return self.kinematics.points(self._now()[0])
 
     def _now(self) -> JointStates:
         """The joints' states, read from the engine once after each substep at most."""

@@ -11,7 +11,7 @@ mass scale 1.) MuJoCo's default impedance, near 1, is over a hundred times as st
 and lets go where friction carries the leg (Painleve).
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from math import hypot
 from xml.etree import ElementTree
@@ -64,21 +64,20 @@ class MujocoPlant(EnginePlant):
         self._stone_reaches, first = self.model.geom_rbound[stones], self.model.geom_bodyid[stones.start]
         self._stone_places = self.model.body_pos[first : first + KEPT_STONES]
 
-    def advance(self, command: Array) -> None:
-        """Each tick's contacts are solved from nothing, as `mujoco.rollout` does it for a batch of robots."""
-        self._data.qacc_warmstart[:] = 0.0
-        super().advance(command)
-
     def walk(self, torques: Array, pushes: list[float], path: Array, sensed: Array) -> None:
         """Walk a tick under the motors' `torques` (substeps, 4), and leave it to `follow` to take in what came of it.
 
         Writes q and dq after each substep into `path` (substeps, 14), the feet's forces into `sensed` (substeps, 6).
         """
-        self._data.qacc_warmstart[:] = 0.0
-        self._states = None
         for substep, _ in enumerate(self._walked(torques, pushes)):
             path[substep, :DOF], path[substep, DOF:] = self._data.qpos[:DOF], self._data.qvel[:DOF]
             sensed[substep] = self._pressing
+
+    def _walked(self, torques: Array, pushes: list[float]) -> Iterator[Forces]:
+        """Solves each tick's contacts from nothing, as `mujoco.rollout` does for a batch of robots."""
+        self._data.qacc_warmstart[:] = 0.0
+        self._states = None  # `follow` may have left one
+        return super()._walked(torques, pushes)
 
     def set_friction(self, leg: Leg, coefficient: float) -> None:
         self.model.geom_friction[self._feet_geoms[leg], 0] = coefficient

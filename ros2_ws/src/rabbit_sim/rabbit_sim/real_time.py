@@ -103,7 +103,7 @@ class Punctuality:
         return {"ticks": self.ticks, "late ticks": self.late, "missed deadlines": self.missed, "worst (s)": self.worst}
 
     def __str__(self) -> str:
-        """The times as they are told."""
+        """States how many ticks were late, for the log."""
         count, seconds = sum(self._newest), LATE_SECONDS * 1e3
         return f"{count} of the newest {len(self._newest)} ticks more than {seconds:g} ms late, limit {self.limit:.1%}"
 

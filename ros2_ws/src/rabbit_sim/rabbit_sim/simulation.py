@@ -277,7 +277,7 @@ class Simulation:
         return sum(perturbation.drop(self._touchdowns, offset) for perturbation in self._perturbations)
 
     def _support(self, reading: PlantReading) -> float:
-        """The height from which the hip's counts, m: the line over the tops, lower by what the stance foot has sunk."""
+        """The ground's height under the hip, m: on the line over the tops, lower by what the stance foot has sunk."""
         x, z = reading.foot_position[self._stance].tolist()
         gives = self.parameters.ground_stiffness < RUBBER_STIFFNESS and self._ground.is_under(x)
         sunk = max(self._ground.top(x) - z, 0.0) if gives else 0.0

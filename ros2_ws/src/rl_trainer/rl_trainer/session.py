@@ -63,6 +63,6 @@ def tensorboard(folder: Path, first: int) -> Iterator[Callable[[EpisodeReport], 
 
 
 def tell_of_thread(told: threading.ExceptHookArgs) -> None:
-    """Tells of a thread's error, unless it is TensorBoard's, whose end is raised again where an episode is logged."""
+    """Reports a thread's error, but not TensorBoard's: that one is raised again where an episode is logged."""
     if not type(told.thread).__module__.startswith("tensorboard."):
         threading.__excepthook__(told)

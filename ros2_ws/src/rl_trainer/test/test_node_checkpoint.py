@@ -1,4 +1,4 @@
-"""A trainer that is killed at any moment goes on with every transition that it told."""
+"""A trainer that is killed at any moment goes on with every transition that it published."""
 
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ PARAMETERS = TrainingParameters(
 
 
 class Told:
-    """Keeps the transitions that were told."""
+    """Keeps the transitions that were published."""
 
     def __init__(self) -> None:
         self.transitions: list[Transition] = []
@@ -43,9 +43,9 @@ def walk(learning: LearningThread, world: Any, make_controller: Any, episode: in
         learning._queue.get()()
 
 
-def begun(folder: Path, told: Told) -> LearningThread:
+def begun(folder: Path, listener: Told) -> LearningThread:
     """A learning thread's object whose thread is not started: the test takes what it would take."""
-    learning = LearningThread(Trainer(PARAMETERS), told, folder=folder)
+    learning = LearningThread(Trainer(PARAMETERS), listener, folder=folder)
     learning.take_up(0)
     return learning
 
@@ -57,27 +57,27 @@ def assert_same(one: Transition, other: Transition) -> None:
 
 
 def test_what_was_told_in_a_broken_episode_is_learned_from(tmp_path: Path, toy_world: Any, toy_controller: Any) -> None:
-    told = Told()
-    walk(begun(tmp_path, told), toy_world, toy_controller, 1, ends=False)  # and is never heard of again
+    listener = Told()
+    walk(begun(tmp_path, listener), toy_world, toy_controller, 1, ends=False)  # and is never heard of again
     held = read_journal(journal_path(tmp_path, 0), PARAMETERS)
-    for one, other in zip(held, told.transitions, strict=True):
+    for one, other in zip(held, listener.transitions, strict=True):
         assert_same(one, other)
     again = begun(tmp_path, Told())
-    assert again.trainer.taken == len(told.transitions) > 0
-    accepted = sum(map(again.trainer.replay.accepts, told.transitions))
+    assert again.trainer.taken == len(listener.transitions) > 0
+    accepted = sum(map(again.trainer.replay.accepts, listener.transitions))
     assert again.trainer.replay.added == accepted > 0
 
 
 def test_a_kill_between_checkpoint_and_journal_doubles_nothing(
     tmp_path: Path, toy_world: Any, toy_controller: Any
 ) -> None:
-    told = Told()
-    learning = begun(tmp_path, told)
+    listener = Told()
+    learning = begun(tmp_path, listener)
     walk(learning, toy_world, toy_controller, 1, ends=False)
     old = journal_path(tmp_path, 0).read_bytes()
     learning.end(None, 1)
     learning._queue.get()()
     journal_path(tmp_path, 0).write_bytes(old)
     again = begun(tmp_path, Told())
-    assert again.trainer.taken == len(told.transitions)
+    assert again.trainer.taken == len(listener.transitions)
     assert not journal_path(tmp_path, 0).exists()

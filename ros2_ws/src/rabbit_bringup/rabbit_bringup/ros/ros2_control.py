@@ -120,7 +120,7 @@ class HardwareNode(SimulatorNode):
         """The sensors set it."""
 
     def _go_on(self) -> None:
-        """Goes on as they do."""
+        """Does nothing: the sensors set when a tick ends."""
 
     def _tick(self) -> None:
         """The sensors say how the tick has ended."""

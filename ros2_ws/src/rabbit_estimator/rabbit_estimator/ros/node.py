@@ -44,10 +44,10 @@ class EstimatorNode(SimulatorFollower):
 
     def __init__(self) -> None:
         super().__init__("estimator")
-        of_node = declare(self, NodeParameters)
+        node_parameters = declare(self, NodeParameters)
         parameters = declare(self, EstimatorParameters)
         refuse_unknown(self)
-        take_priority(of_node.priority, self.get_logger().warning)
+        take_priority(node_parameters.priority, self.get_logger().warning)
         self._estimator = ContactAidedFilter(parameters)
         self._episode, self._announcements = Episode(), Announcements()
         self._forget()

@@ -184,7 +184,7 @@ class MotorLag(Perturbation):
     )
 
     def responses(self, substeps: int) -> tuple[Array, Array, Array]:
-        """The responses of `response` for N robots."""
+        """`response` for N robots."""
         parts = zip(*(response(float(lag), substeps) for lag in np.ravel(self.motor_lag)), strict=True)
         from_torque, from_drive, mean = map(np.array, parts)
         return from_torque[:, :, None], from_drive, mean[:, None, None]

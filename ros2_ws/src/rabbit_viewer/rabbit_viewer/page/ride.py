@@ -40,7 +40,7 @@ class RideRows:
         self.columns = [*COMMON, "V", *self._barriers, *self._inputs, *self._states, *of_rows, *shapes]
 
     def about(self, name: str, title: str, has_qp: bool) -> dict[str, Any]:
-        """What the page is told of one controller's rides."""
+        """Describes one controller's rides for the page."""
         known = {"name": name, "title": title, "columns": self.columns, "quantities": [], "barriers": self._barriers}
         note = {} if self.task.draw else {"note": state_picture(self.task).note}
         return {**known, **note, "panels": self.panels(has_qp), "shapes": self._most}

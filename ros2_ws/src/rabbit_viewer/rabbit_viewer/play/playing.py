@@ -65,7 +65,7 @@ class Playing(ABC):
 
     @abstractmethod
     def make_walkers(self, settings: Any) -> tuple[Sequence[Shown], dict[str, Any]]:
-        """The walkers that these settings play, and what the page is told; raises one of `unusable`."""
+        """Makes the walkers for these settings, and their description for the page; raises one of `unusable`."""
 
     @abstractmethod
     def set(self, settings: Any) -> None:

@@ -44,7 +44,7 @@ class NodeParameters(policies.NodeParameters):
 
 
 class Settings(ControllerParameters):
-    """The settings of the controller: of a node that names none, one that a trainer's policies belong to."""
+    """The controller's settings. A node that names no controller gets the one that a trainer's policies belong to."""
 
     controller: ControllerName = Field(
         RL_CBF_CLF_QP.name, description=ControllerParameters.model_fields["controller"].description
@@ -195,7 +195,7 @@ class ControllerNode(SimulatorFollower):
         self._tell_settings(parameters)
 
     def _tell_settings(self, parameters: ControllerParameters) -> None:
-        """Tells from which tick the present parameters hold."""
+        """Publishes the tick from which the present parameters hold."""
         episode, tick = self._ticks.turn
         turn = {"episode": episode, "tick": tick + (self._ticks.held is None)}
         texts = {"parameters": parameters.model_dump_json(), "gait": self._gait.model_dump_json()}

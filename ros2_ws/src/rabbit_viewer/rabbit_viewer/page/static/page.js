@@ -114,7 +114,7 @@ function explainFall() {
   explain(walker, clock.row);
 }
 
-// over the lower part of the window, or not at all: above it there is less room for the scenes
+// shows a text over the lower part of the window, where the scenes then have less room; hides an empty one
 function showWhy(text) {
   const parts = text.split("\n\n").map((part) => {
     const shown = Object.assign(document.createElement("p"), {textContent: `${part}\n`});
