@@ -1,7 +1,7 @@
 # make help lists what there is. PYTHON chooses the interpreter for the environment: make setup PYTHON=python3.12
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup python workspace studies tools build walk test test-all test-browser fuzz check format bench docs tables figures wheels lock clean
+.PHONY: help setup python workspace torch studies tools build walk test test-all test-browser fuzz check format bench docs tables figures wheels lock clean
 
 ifneq ($(words $(CURDIR)),1)
 $(error The path "$(CURDIR)" has a space in it: move the project to a path without one)
@@ -21,6 +21,9 @@ setup: python ## create the environment from the locks, once
 python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info[:2] not in ((3, 11), (3, 12)))' 2>/dev/null || \
 	  { echo 'set-up: "$(PYTHON)" is not Python 3.11 or 3.12; install one, then call make again with PYTHON=python3.12' >&2; exit 1; }
+
+torch: setup ## torch where no CPU build of it was found: PyPI's, with CUDA
+	@.venv/bin/python -B scripts/set_up.py torch
 
 studies: build ## install the studies: rabbit benchmark, reproduce, gait, misses, rival; and qa: rabbit bench, jitter, soak
 	@.venv/bin/python -B scripts/set_up.py studies

@@ -1,7 +1,8 @@
 """`make setup`: the environment in .venv, from hashed locks, with the ROS 2 wheels or over a full ROS 2 Jazzy.
 
-Walking needs no more. The argument `ros` leaves torch out, so that `make build` installs it beside the build; `studies`
-adds the studies with their libraries, `tests` also what tests and checks.
+Walking needs no more. The argument `ros` leaves torch out, so that `make build` installs it beside the build; `torch`
+takes PyPI's build, with CUDA, where no CPU build is found; `studies` adds the studies with their libraries, `tests`
+also what tests and checks.
 Each step leaves a stamp with a hash of its inputs, so a second call does nothing and an interrupted one goes on. Called
 by the interpreter that the environment is to have (Python 3.11 or 3.12).
 """
@@ -86,13 +87,19 @@ def torch_is_there() -> bool:
 
 
 def install_torch() -> None:
-    """torch: the CPU build where pip knows of one, else the CPU build of PyTorch's index, else PyPI's with CUDA."""
+    """torch: the CPU build where pip knows of one, else the CPU build of PyTorch's index; walking needs none."""
     if not torch_is_there():
         with suppress(SetUpError):
             pip_install("torch_cpu.txt")
     if not torch_is_there():  # without a hash: the lock knows that of one Python alone
         places = ["--index-url", TORCH_INDEX, "--retries", "1", "--timeout", "30"]
         logged([*PIP, "--no-deps", "--no-compile", *places, f"{TORCH}+cpu"], STATE / "pip-torch_index.log")
+    if not torch_is_there():
+        say("set-up: no CPU build of torch was found; RABBIT walks, make torch lets it learn (PyPI's build, 4 GB more)")
+
+
+def install_cuda_torch() -> None:
+    """PyPI's torch with the CUDA packages that it loads, where `install_torch` found no other."""
     if not torch_is_there():
         check_room(ROOT, CUDA_ROOM)
         pip_install("torch.txt")
@@ -140,7 +147,7 @@ def build_stand_ins() -> None:
 
 
 def steps(extent: str) -> list[Step]:
-    """The steps in their order, as far as `extent`, which is `ros`, empty, `studies` or `tests`."""
+    """The steps in their order, as far as `extent`, which is `ros`, empty, `torch`, `studies` or `tests`."""
     locks = [REQUIREMENTS / f"{name}.txt" for name in ("build", "python", "ros", "torch_cpu", "torch", "torch_cuda")]
     added = ROOT / "studies/pyproject.toml", ROOT / "qa/pyproject.toml", REQUIREMENTS / "cluster.txt"
     stand_ins = tuple(path for package in STAND_INS for path in package.rglob("*") if path.is_file())
@@ -155,13 +162,14 @@ def steps(extent: str) -> list[Step]:
         ),
         Step("mend", "set-up files for ROS 2", (locks[2], SCRIPTS / "mend_ros_wheels.py"), mend_ros),
         Step("stand_ins", "messages that the ROS wheels lack", stand_ins, build_stand_ins),
-        Step("torch", "torch", tuple(locks[3:]), install_torch),
+        Step("torch", "torch", (locks[3],), install_torch),
     ]
-    if extent == "ros":
-        return walking[:-1]
+    if extent in ("ros", ""):
+        return walking[: -1 if extent else None]
+    learning = [Step("cuda", "torch from PyPI if there is no other", tuple(locks[4:]), install_cuda_torch)]
     studies = [Step("studies", "the studies", (REQUIREMENTS / "studies.txt", *added), install_studies)]
     tests = [Step("tests", "what tests and checks", (REQUIREMENTS / "tests.txt",), install_tests)]
-    return walking + (studies if extent else []) + (tests if extent == "tests" else [])
+    return walking + learning + (studies if extent != "torch" else []) + (tests if extent == "tests" else [])
 
 
 def set_up(extent: str = "") -> None:

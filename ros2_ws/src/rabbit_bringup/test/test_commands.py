@@ -64,6 +64,7 @@ def test_a_studys_command_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch
     ("library", "words", "line"),
     [
         ("torch", ("train",), "torch is not installed: pip install 'rl_trainer[learn]'"),
+        ("torch", ("walk", "--trainer"), "torch is not installed: pip install 'rl_trainer[learn]'"),
         ("mujoco", ("evaluate", "--plant", "mujoco"), "which is not installed: pip install 'rabbit_sim[mujoco]'"),
     ],
 )

@@ -22,4 +22,9 @@ def main(name: str = "") -> None:
         line = f"error: {len(nodes)} nodes {wanted} installed, expected one; source the workspace's setup.bash"
         print(line, file=sys.stderr)
         sys.exit(2)
-    nodes[0].load()()
+    try:
+        node = nodes[0].load()
+    except ModuleNotFoundError as error:
+        print(f"error: {wanted} needs {error.name}, which is not installed", file=sys.stderr)
+        sys.exit(2)
+    node()

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from datetime import datetime
 from functools import partial
+from importlib.util import find_spec
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -41,7 +42,7 @@ def walk(given: Given) -> None:
 
 def prepare(given: Given) -> WalkSettings:
     """The walk that is asked for; makes its folder. Ends the command if it cannot be."""
-    options = given.build(WalkOptions)
+    options = with_known_learner(given.build(WalkOptions), given)
     if options.task:
         return walk_of_task(options, given)
     if options.is_foreign:
@@ -57,6 +58,19 @@ def prepare(given: Given) -> WalkSettings:
         port = options.view_port
         print(f"open http://127.0.0.1:{port} in a browser" if port else "the page: see log/viewer.log")
     return walk
+
+
+def with_known_learner(options: WalkOptions, given: Given) -> WalkOptions:
+    """Leaves the trainer out where torch is not installed.
+
+    Raises `ModuleNotFoundError`, which becomes a line, if the trainer was asked for.
+    """
+    if not options.trainer or find_spec("torch"):
+        return options
+    if given.values.keys() & {"trainer", "swap_at"}:
+        raise ModuleNotFoundError(name="torch")
+    print("torch is not installed: the walk goes without the trainer")
+    return options.model_copy(update={"trainer": False})
 
 
 def walk_of_task(options: WalkOptions, given: Given) -> WalkSettings:
