@@ -34,7 +34,10 @@ ORDER = (
 )
 TASK_HELP = "run a control task of your own instead of RABBIT; for its options: --task TASK --help"
 # what `pip install` leaves out unless asked: who only walks needs none of it
-EXTRAS = {"torch": "rl_trainer[learn]", "imageio_ffmpeg": "rabbit_viewer[film]"}
+EXTRAS = {
+    "torch": "pip install 'rl_trainer[learn]'; in a checkout make torch",
+    "imageio_ffmpeg": "pip install 'rabbit_viewer[film]'",
+}
 
 
 @cache
@@ -155,7 +158,7 @@ class LazyGroup(TyperGroup):
         except ModuleNotFoundError as error:
             if error.name not in EXTRAS:
                 raise
-            _fail(f"{error.name} is not installed: pip install '{EXTRAS[error.name]}'")
+            _fail(f"{error.name} is not installed: {EXTRAS[error.name]}")
         except OSError as error:
             if error.errno in (None, errno.EPIPE):  # not the system's; a pipe whose reader has gone
                 raise

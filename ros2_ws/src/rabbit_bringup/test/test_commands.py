@@ -63,8 +63,8 @@ def test_a_studys_command_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch
 @pytest.mark.parametrize(
     ("library", "words", "line"),
     [
-        ("torch", ("train",), "torch is not installed: pip install 'rl_trainer[learn]'"),
-        ("torch", ("walk", "--trainer"), "torch is not installed: pip install 'rl_trainer[learn]'"),
+        ("torch", ("train",), "torch is not installed: pip install 'rl_trainer[learn]'; in a checkout make torch"),
+        ("torch", ("walk", "--trainer"), "pip install 'rl_trainer[learn]'; in a checkout make torch"),
         ("mujoco", ("evaluate", "--plant", "mujoco"), "which is not installed: pip install 'rabbit_sim[mujoco]'"),
     ],
 )
