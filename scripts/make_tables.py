@@ -7,7 +7,6 @@
 """
 
 import argparse
-import csv
 import json
 import os
 import subprocess
@@ -20,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from common import ROOT
-from rabbit_description.atomic_file import replace_text, replacing
+from rabbit_description.atomic_file import replace_table, replace_text
 from rabbit_description.yaml_file import read_mapping
 from rabbit_experiments.provenance import versions
 from rabbit_reproduce.report import read_rows
@@ -74,14 +73,10 @@ def ship(about: Mapping[str, Any], out: Path, docs: Path) -> None:
         several = {file: {"folder": file.parent.name} if "*" in pattern else {} for file in files}
         rows = [folder | row for file, folder in several.items() for row in read_rows(file)]
         kept = ("folder", *about.get("columns", [name for row in rows for name in row]))
-        columns = dict.fromkeys(name for row in rows for name in row if name in kept)
         for line in changes(read_rows(docs / target), rows):
             print(f"{target}: {line}")
         (docs / target).parent.mkdir(parents=True, exist_ok=True)
-        with replacing(docs / target) as partial, partial.open("w", encoding="utf-8", newline="") as opened:
-            table = csv.DictWriter(opened, list(columns), restval="", extrasaction="ignore")
-            table.writeheader()
-            table.writerows(rows)
+        replace_table(docs / target, ({name: row[name] for name in row if name in kept} for row in rows))
 
 
 def changes(before: Sequence[Row], after: Sequence[Row]) -> Iterable[str]:

@@ -10,7 +10,7 @@ from common import ROOT
 from rabbit_benchmark.cells import TERRAINS, Map, cells
 from rabbit_benchmark.comparison import holm, of_so_many
 from rabbit_benchmark.methods import method
-from rabbit_benchmark.table import Table
+from rabbit_benchmark.table import Table, rate_text
 from rabbit_experiments.summary import wilson
 from rabbit_experiments.tables import markdown_table
 from rabbit_reproduce.report import CLAIMS, RUNS, Verdict, read_rows
@@ -97,25 +97,22 @@ def large_table(name: str) -> str:
     for terrain in TERRAINS:
         for number, region in enumerate(maps):
             size = courses(name, region, terrains=(terrain,))
-            is_new = region in ("inside", "outside") or (region == "storm")
+            is_new = region in ("inside", "outside", "storm")
             head.append(("" if number else f"{terrain}: ") + region + (f", of {size}" if is_new else ""))
     rows = table(name)
     for who in rows.methods:
         there = [where(region, terrains=(terrain,)) for terrain in TERRAINS for region in maps]
-        line = [str(rows.walked(who, chosen)) if rows.courses(who, chosen) else "" for chosen in there]
-        lines.append([method(who).title, *line, f"{walked(name, who, *maps):,}" if all(line) else ""])
+        lines.append([method(who).title, *rows.counts(who, there)])
     return markdown_table([*head, f"all, of {courses(name, *maps):,}"], lines)
 
 
 def leaderboard() -> str:
     """The row of `best`, as `rabbit benchmark` writes one."""
-    groups = {f"{region}, {terrain}": (region, terrain) for terrain in TERRAINS for region in MAPS}
-    head = [f"{name}, of {courses(LARGE, of, terrains=(terrain,))}" for name, (of, terrain) in groups.items()]
-    row = [str(large("best", of, terrains=(terrain,))) for of, terrain in groups.values()]
+    maps = {f"{region}, {terrain}": where(region, terrains=(terrain,)) for terrain in TERRAINS for region in MAPS}
+    sizes = [table(LARGE).courses("best", cells) for cells in maps.values()]
     made = json.loads((DATA / "tables.json").read_text(encoding="utf-8"))["map"]
-    every = f"{large('best', *MAPS):,}", str(made["seeds"]), "MuJoCo", made["commit"]
-    head = ["method", *head, f"all, of {courses(LARGE, *MAPS):,}", "seed", "engine", "commit"]
-    return markdown_table(head, [["`best`, for comparison", *row, *every]])
+    about = str(made["seeds"]), ENGINES["mujoco"], made["commit"]
+    return table(LARGE).leaderboard({"best": "`best`, for comparison"}, maps, sizes, about)
 
 
 def unseen_table() -> str:
@@ -245,7 +242,6 @@ def rides_table() -> str:
     for task, title in TASKS.items():
         lines.append([title])
         for of_one in ridden(task).values():
-            walks, runs, fell = kept(of_one), len(of_one), sum("-inf" in row.values() for row in of_one)
-            text = "{} of {} ({:.2f} to {:.2f})".format(walks, runs, *wilson(walks, runs))
+            text, fell = rate_text(kept(of_one), len(of_one)), sum("-inf" in row.values() for row in of_one)
             lines[-1].append(f"{text}; {least_barrier(of_one):.4f}" + f"; {fell} fall" * bool(fell))
     return markdown_table(["task", *ridden()], lines)

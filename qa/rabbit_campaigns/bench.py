@@ -22,10 +22,9 @@ from rabbit_sim.plant import SUBSTEPS
 from rl_cbf_clf_controller.export import export
 from rl_cbf_clf_controller.parameters import load_parameters
 
-from rabbit_campaigns.batch_bench import bench_batch
+from rabbit_campaigns.batch_bench import BARE_EVERY, WARM_UP, bench_batch
 from rabbit_campaigns.peer_bench import cbfpy_ratios
 
-WARM_UP, BARE_EVERY = 20, 5  # ticks that do not count; between two measures of the bare engine
 ROBOTS, BATCH_TICKS = 64, 30_000
 FIRST_TICK = """
 import json, time

@@ -129,7 +129,7 @@ def windows(seconds: NDArray[np.float64]) -> tuple[NDArray[np.bool_], NDArray[np
     begin, end = _counted(seconds)
     width = (end - begin) / WINDOWS
     first: NDArray[np.bool_] = (seconds >= begin) & (seconds <= begin + width)
-    first[np.searchsorted(seconds, begin)] = True  # of a short soak it may be the only one
+    first[min(int(np.searchsorted(seconds, begin)), max(len(seconds) - 2, 0))] = True  # a short soak may have no other
     last: NDArray[np.bool_] = seconds >= end - width
     return first, last
 

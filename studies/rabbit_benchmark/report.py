@@ -1,13 +1,14 @@
 """What the benchmark leaves beside its table: a picture and a page."""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 from pathlib import Path
 from typing import get_args
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from rabbit_description.atomic_file import replace_text
 from rabbit_description.state import TICK_SECONDS
@@ -29,29 +30,20 @@ from rabbit_benchmark.table import BenchmarkRow, Table, by_course
 
 @dataclass(frozen=True)
 class Benchmark:
-    """All runs, done."""
+    """All `runs`, done: `cache` has what `engine.run` kept of them."""
 
     protocol: Protocol
     methods: Sequence[Method]
     cells: Sequence[Cell]
-    results: dict[tuple[Method, Cell], list[RunResult] | str]
-    reference: str
+    runs: Plan
+    cache: Cache
+    reference: str = REFERENCE
 
-    @classmethod
-    def from_cache(
-        cls,
-        protocol: Protocol,
-        methods: Sequence[Method],
-        cells: Sequence[Cell],
-        runs: Plan,
-        cache: Cache,
-        reference: str = REFERENCE,
-    ) -> "Benchmark":
-        """Makes it of what `engine.run` kept."""
-        results = {
-            key: jobs if isinstance(jobs, str) else [cache.get(job) for job in jobs] for key, jobs in runs.items()
-        }
-        return cls(protocol, methods, cells, results, reference)
+    @cached_property
+    def results(self) -> dict[tuple[Method, Cell], list[RunResult] | str]:
+        """Results by method and cell, or the reason why there are none."""
+        get = self.cache.get
+        return {key: jobs if isinstance(jobs, str) else list(map(get, jobs)) for key, jobs in self.runs.items()}
 
     def write(self, out: Path) -> Path:
         """benchmark.csv, cells.png and benchmark.md, which is returned."""
@@ -69,8 +61,17 @@ class Benchmark:
     def figure(self) -> Figure:
         """Courses walked, a column for each method, a row for each cell."""
         figure, (axes,) = style.figure(1, height=1.2 + 0.2 * len(self.cells), width=3.0 + 0.5 * len(self.methods))
-        walks = [[self._walks(method, cell) for method in self.methods] for cell in self.cells]
-        rate_map(axes, [cell.name for cell in self.cells], [method.name for method in self.methods], walks)
+        rates = np.full((len(self.cells), len(self.methods)), np.nan)
+        for (i, cell), (j, method) in product(enumerate(self.cells), enumerate(self.methods)):
+            row = self.table.rows[method.name, cell.name]
+            if row.walked is not None and row.courses:
+                rates[i, j] = row.walked / row.courses
+                colour = "black" if rates[i, j] > 0.5 else "white"
+                axes.text(j, i, str(row.walked), ha="center", va="center", color=colour)
+        axes.imshow(rates, cmap="cividis", vmin=0, vmax=1, aspect="auto")
+        axes.set_yticks(range(len(self.cells)), [cell.name for cell in self.cells])
+        axes.set_xticks(range(len(self.methods)), [method.name for method in self.methods], rotation=90)
+        axes.grid(visible=False)
         return figure
 
     def page(self) -> str:
@@ -94,42 +95,38 @@ class Benchmark:
 
     def _maps(self) -> str:
         """A column for each map and terrain; blank where a cell lacks."""
-        groups, lines = self._groups(), []
-        for method in self.methods:
-            walks = [[self._walks(method, cell) for cell in cells] for cells in groups.values()]
-            whole = [None if None in group else Walks([row for w in group if w for row in w.rows]) for group in walks]
-            lines.append([method.title, *map(_rate, whole)])
+        groups, rate = self._groups(), self.table.rate_text
+        lines = [[method.title, *(rate(method.name, cells) for cells in groups.values())] for method in self.methods]
         return markdown_table(("method", *groups), lines)
 
-    def _groups(self) -> dict[str, list[Cell]]:
+    def _groups(self) -> dict[str, list[str]]:
         """Cells by map and terrain."""
-        groups = dict[str, list[Cell]]()
+        groups = dict[str, list[str]]()
         for cell in self.cells:
-            groups.setdefault(f"{cell.map}, {cell.terrain}", []).append(cell)
+            groups.setdefault(f"{cell.map}, {cell.terrain}", []).append(cell.name)
         return groups
 
     def _table(self) -> str:
-        lines = [[cell.name, *(_rate(self._walks(method, cell)) for method in self.methods)] for cell in self.cells]
+        rate = self.table.rate_text
+        lines = [[cell.name, *(rate(method.name, [cell.name]) for method in self.methods)] for cell in self.cells]
         blank = dict.fromkeys((method.name, why) for (method, _), why in self.results.items() if isinstance(why, str))
         notes = "".join(f"\n{name} is blank where it has {reason}.\n" for name, reason in blank)
         return markdown_table(("cell", *(method.title for method in self.methods)), lines) + notes
 
     def _comparison(self) -> str:
-        reference = next((method for method in self.methods if method.name == self.reference), None)
-        others = [method for method in self.methods if method != reference]
-        if not reference or not others:
+        others = [method for method in self.methods if method.name != self.reference]
+        if len(others) in (0, len(self.methods)):
             return f"Nothing to compare: it takes {self.reference} and another method.\n"
-        pairs = [self._paired(other, reference, self.cells) for other in others]
+        pairs = [self._paired(other, [cell.name for cell in self.cells]) for other in others]
         adjusted = holm([pair.p_value for pair in pairs])
         lines = [
             [other.title, *map(str, (pair.courses, pair.only_this, pair.only_other)), f"{pair.p_value:.2g}", f"{p:.2g}"]
             for other, pair, p in zip(others, pairs, adjusted, strict=True)
         ]
         columns = ("method", "common courses", "it alone walked", f"{self.reference} alone", "p", "p (Holm)")
-        where = self._groups() | {cell.name: [cell] for cell in self.cells if cell.map in get_args(Split)}
+        where = self._groups() | {cell.name: [cell.name] for cell in self.cells if cell.map in get_args(Split)}
         differences = [
-            [name, *(_points(self._paired(other, reference, cells)) for other in others)]
-            for name, cells in where.items()
+            [name, *(_points(self._paired(other, cells)) for other in others)] for name, cells in where.items()
         ]
         return (
             "Exact McNemar test over the common courses of all cells here, two-sided. It speaks of these cells: "
@@ -140,9 +137,9 @@ class Benchmark:
             f"{walked_more(self.table, self.reference)}"
         )
 
-    def _paired(self, this: Method, other: Method, cells: Sequence[Cell]) -> Paired:
-        """Two methods on their common courses in some cells."""
-        pair = self.table.paired(this.name, other.name, [cell.name for cell in cells])
+    def _paired(self, method: Method, cells: Sequence[str]) -> Paired:
+        """A method and the reference on their common courses in some cells."""
+        pair = self.table.paired(method.name, self.reference, cells)
         assert pair
         return pair
 
@@ -157,22 +154,12 @@ class Benchmark:
 
     def _leaderboard(self) -> str:
         """A row for each method: courses walked on each map, of all, and what they can be walked again with."""
-        groups, about = self._groups(), [str(self.protocol.seed), ENGINES[self.protocol.plant], provenance.commit()]
-        sizes = {name: sum(cell.courses(self.protocol.courses) for cell in cells) for name, cells in groups.items()}
-        lines = []
-        for method in self.methods:
-            walks = [[self._walks(method, cell) for cell in cells] for cells in groups.values()]
-            walked = ["" if None in group else str(sum(w.walked for w in group if w)) for group in walks]
-            every = f"{sum(map(int, walked)):,}" if all(walked) else ""
-            lines.append([method.title, *walked, every, *about])
-        columns = [f"{name}, of {size}" for name, size in sizes.items()]
-        return markdown_table(
-            ("method", *columns, f"all, of {sum(sizes.values()):,}", "seed", "engine", "commit"), lines
-        )
-
-    def _walks(self, method: Method, cell: Cell) -> Walks | None:
-        results = self.results[method, cell]
-        return None if isinstance(results, str) else Walks([result.row for result in results])
+        sizes = Counter[str]()
+        for cell in self.cells:
+            sizes[f"{cell.map}, {cell.terrain}"] += cell.courses(self.protocol.courses)
+        titles = {method.name: method.title for method in self.methods}
+        about = str(self.protocol.seed), ENGINES[self.protocol.plant], provenance.commit()
+        return self.table.leaderboard(titles, self._groups(), [*sizes.values()], about)
 
     def _row(self, method: Method, cell: Cell) -> BenchmarkRow:
         about, results = {"method": method.name, "cell": cell.name}, self.results[method, cell]
@@ -200,19 +187,3 @@ def _points(pair: Paired) -> str:
         return ""
     difference, low, high = (100 * share for share in pair.difference)
     return f"{difference:+.1f} ({low:+.1f} to {high:+.1f})"
-
-
-def _rate(walks: Walks | None) -> str:
-    return walks.rate_text if walks else ""
-
-
-def rate_map(axes: Axes, rows: Sequence[str], columns: Sequence[str], walks: Sequence[Sequence[Walks | None]]) -> None:
-    """Share of courses walked as colour, their number in it, a row of `walks` for each of `rows`; None is blank."""
-    rates = np.array([[cell.walked / cell.runs if cell else np.nan for cell in row] for row in walks])
-    axes.imshow(rates, cmap="cividis", vmin=0, vmax=1, aspect="auto")
-    for (i, j), rate in np.ndenumerate(rates):
-        if cell := walks[i][j]:
-            axes.text(j, i, str(cell.walked), ha="center", va="center", color="black" if rate > 0.5 else "white")
-    axes.set_yticks(range(len(rows)), rows)
-    axes.set_xticks(range(len(columns)), columns, rotation=90)
-    axes.grid(visible=False)

@@ -1,11 +1,12 @@
 """The benchmark's table: what each method walked in each cell, course by course, and the comparisons that follow."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, model_validator
-from rabbit_experiments.tables import read_rows, write_rows
+from rabbit_experiments.summary import wilson
+from rabbit_experiments.tables import markdown_table, read_rows, write_rows
 
 from rabbit_benchmark.comparison import Paired, paired
 
@@ -73,6 +74,26 @@ class Table:
         """Courses that it has there."""
         return sum(self.rows[method, cell].courses or 0 for cell in cells if (method, cell) in self.rows)
 
+    def rate_text(self, method: str, cells: Sequence[str]) -> str:
+        """Walked of all courses there, with Wilson's 95% interval; blank where it lacks a cell."""
+        return rate_text(self.walked(method, cells), self.courses(method, cells)) if self._has(method, cells) else ""
+
+    def counts(self, method: str, maps: Iterable[Sequence[str]]) -> list[str]:
+        """Courses that it walked in the cells of each map, and in all; blank where it lacks a cell."""
+        walked = [str(self.walked(method, cells)) if self._has(method, cells) else "" for cells in maps]
+        return [*walked, f"{sum(map(int, walked)):,}" if all(walked) else ""]
+
+    def leaderboard(
+        self, titles: Mapping[str, str], maps: Mapping[str, Sequence[str]], sizes: Sequence[int], about: Sequence[str]
+    ) -> str:
+        """A row for each method of `titles`: its `counts` of maps of these `sizes`; `about`: seed, engine, commit."""
+        heads = [f"{name}, of {size}" for name, size in zip(maps, sizes, strict=True)]
+        lines = [[title, *self.counts(method, maps.values()), *about] for method, title in titles.items()]
+        return markdown_table(("method", *heads, f"all, of {sum(sizes):,}", "seed", "engine", "commit"), lines)
+
+    def _has(self, method: str, cells: Sequence[str]) -> bool:
+        return all(self.courses(method, [cell]) for cell in cells)
+
     def paired(self, this: str, other: str, cells: Sequence[str]) -> Paired | None:
         """Two methods on their common courses there; None where a row does not say how each course ended."""
         common = [cell for cell in cells if self.courses(this, [cell]) and self.courses(other, [cell])]
@@ -90,3 +111,8 @@ class Table:
             if (most := max(walked.values())) > walked.get(reference, most):
                 by_cell[cell] = [method for method, courses in walked.items() if courses == most]
         return by_cell
+
+
+def rate_text(walked: int, courses: int) -> str:
+    """As in `29 of 200 (0.10 to 0.20)`, with Wilson's 95% interval."""
+    return "{} of {} ({:.2f} to {:.2f})".format(walked, courses, *wilson(walked, courses))

@@ -10,7 +10,7 @@ from rl_cbf_clf_controller.virtual_constraints import RABBIT_ANGLES
 
 from rabbit_gait_design.orbit_point import barrier_conditions
 from rabbit_gait_design.specification import Stone
-from rabbit_gait_design.zero_dynamics import Instant, ZeroDynamics, loaded_model
+from rabbit_gait_design.zero_dynamics import Instant, ZeroDynamics, nominal_model
 
 
 @dataclass(frozen=True)
@@ -40,9 +40,8 @@ class GaitFigures:
 class Orbit:
     """The gait's nominal step sampled at `points` phases."""
 
-    def __init__(self, gait: Gait, points: int = 401, dynamics: ZeroDynamics | None = None) -> None:
-        self.gait = gait
-        self.dynamics = dynamics or ZeroDynamics(gait, loaded_model(slope=gait.slope))
+    def __init__(self, gait: Gait, points: int = 401) -> None:
+        self.gait, self.dynamics = gait, ZeroDynamics(gait, nominal_model(gait.slope))
         self.phases = np.linspace(0.0, 1.0, points)
         self.start_rate = start_phase_rate(gait)
         self.rates = self.dynamics.phase_rates(self.phases, self.start_rate)

@@ -5,13 +5,11 @@ With y = 0 the state follows from (phase, phase rate), and with sigma = phase_ra
     d sigma / d phase = a(phase) + b(phase) sigma,
 
 linear in sigma because the phase's acceleration is quadratic in its rate: hence sigma(phase) = Phi sigma(0) + W.
-The model may carry a payload: then this is the zero dynamics under perfect knowledge of it.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
-import pinocchio as pin
 from cbf_clf_qp.functions import NumpyFunction
 from rabbit_description.state import Array
 from rl_cbf_clf_controller.virtual_constraints import RABBIT_ANGLES, Angles, Path, VirtualConstraints
@@ -19,25 +17,12 @@ from scipy.integrate import solve_ivp
 
 from rabbit_gait_design.pinocchio_model import PinocchioModel
 
-TORSO_COM_HEIGHT = 0.24  # m above the hip
 
-
-def loaded_model(payload: float = 0.0, height: float = TORSO_COM_HEIGHT, slope: float = 0.0) -> PinocchioModel:
-    """The nominal model with a point mass of `payload` kg on the torso, `height` m above the hip.
-
-    x runs along ground that rises by `slope` degrees: gravity is turned against it.
-
-    Raises:
-        ValueError: the payload is negative or not finite.
-    """
-    if not (np.isfinite(payload) and payload >= 0):
-        raise ValueError(f"payload = {payload} kg: expected a finite mass, 0 or more")
+def nominal_model(slope: float = 0.0) -> PinocchioModel:
+    """The nominal model; x runs along ground that rises by `slope` degrees: gravity is turned against it."""
     model = PinocchioModel()
-    torso = model.model.getJointId("base_pitch")
-    model.model.inertias[torso] += pin.Inertia(payload, np.array([0.0, 0.0, height]), np.zeros((3, 3)))
     down, turn = model.model.gravity.linear[2], np.radians(slope)
     model.model.gravity.linear = down * np.array([np.sin(turn), 0.0, np.cos(turn)])
-    model.data = model.model.createData()
     return model
 
 
@@ -121,7 +106,7 @@ class ZeroDynamics:
         stopped = np.maximum.accumulate(sigma <= 0)
         return np.where(stopped, np.nan, np.sqrt(2 * np.maximum(sigma, 0.0)))
 
-    def least_phase_rate(self, points: int = 201) -> float:
+    def least_phase_rate(self) -> float:
         """Least post-impact phase rate, 1/s, that completes a step; slower, the robot falls back."""
-        phi, offset = self.transition(np.linspace(0.0, 1.0, points))
+        phi, offset = self.transition(np.linspace(0.0, 1.0, 201))
         return float(np.sqrt(2 * max(0.0, float(np.max(-offset / phi)))))

@@ -1,5 +1,6 @@
 """Walks over the storm's plants that fit the model and, over others, judge it."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -18,6 +19,7 @@ from rabbit_experiments.summary import wilson
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import load_parameters
 
+from rabbit_misses.model import MissModelError
 from rabbit_misses.touchdowns import Touchdowns
 
 FIT_SEED, JUDGE_SEED = 61003, 61011  # of plants and courses; the benchmark has others
@@ -61,7 +63,7 @@ def stormy_walks(plants: int, seed: int, parameters: str) -> list[SteppedWalk]:
 
 
 def gathered(walks: Sequence[SteppedWalk], cache: Cache) -> tuple[Array, Array]:
-    """Features (n, 17) and misses (n,) of all steps."""
+    """Features (n, 17) and misses (n,) of all steps; raises `MissModelError` where there is none."""
     rows, missed = list[list[float]](), list[float]()
     for walk in walks:
         steps: Steps = cache.get(walk)
@@ -69,6 +71,8 @@ def gathered(walks: Sequence[SteppedWalk], cache: Cache) -> tuple[Array, Array]:
         missed += [0.0] * len(steps.rows)
         if steps.missed and steps.rows:
             missed[-1] = 1.0
+    if not rows:
+        raise MissModelError(f"no step in {len(walks)} walks: expected one at least")
     return np.array(rows), np.array(missed)
 
 
@@ -104,15 +108,15 @@ class Judgement:
 
     @property
     def skill(self) -> float:
-        """1 would be exact, 0 as good as the mean rate."""
-        return 1 - self.brier / self.brier_of_rate
+        """1 would be exact, 0 as good as the mean rate; nan where all steps ended alike."""
+        return 1 - self.brier / self.brier_of_rate if self.brier_of_rate else math.nan
 
 
 def judged(p: Array, missed: Array) -> Judgement:
     """Probabilities (n,) against what happened (n,)."""
     bins, ends = [], (0.0, *BIN_ENDS, 1.0)
     for low, high in pairwise(ends):
-        inside = (low <= p) & (p < high)
+        inside = (low <= p) & ((p < high) | (high == ends[-1]))
         if inside.any():
             bins.append(Bin(low, high, float(p[inside].mean()), int(missed[inside].sum()), int(inside.sum())))
     rate = missed.mean()

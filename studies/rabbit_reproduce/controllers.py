@@ -1,5 +1,6 @@
 """The controllers that are compared, in the order and colours of every table and figure. A new one is a line here."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -25,7 +26,7 @@ class Contender:
     line: str = "-"
     tuning: tuple[tuple[str, Any], ...] = ()
     parameters: str = "ours"
-    kind: type[Assembly] = Assembly
+    kind: Callable[..., Assembly] = Assembly
 
     def with_policy(self, policy: str) -> "Contender":
         """The same with another policy, by name or file."""
@@ -71,7 +72,7 @@ INTEGRAL = {"speed_regulation": "integral"}
 
 
 def variant(
-    title: str, controller: str, policy: str, *tuning: dict[str, Any], kind: type[Assembly] = Assembly
+    title: str, controller: str, policy: str, *tuning: dict[str, Any], kind: Callable[..., Assembly] = Assembly
 ) -> Contender:
     """One that stands in a map, so without a colour of its own."""
     parameters = {name: value for part in tuning for name, value in part.items()}

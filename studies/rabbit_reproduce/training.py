@@ -96,13 +96,10 @@ class TrainingJob(Job):
             return [asdict(report) for report in trainer.reports]
 
 
-def training_job(
-    parameters: TrainingParameters, mass_scale: float = TRAINING_SCALE, engine: str = "pybullet", **tuning: Any
-) -> TrainingJob:
-    """A training with `tuning` of the controller, where it is not `ours`."""
-    always = {"controller": parameters.problem.name, "slack_weight": TRAINING_SLACK_WEIGHT}
-    controller = load_parameters("ours", **tuning, **always)
-    course = {"terrain": controller.terrain, "stones": parameters.walking_steps, "plant": engine}
+def training_job(parameters: TrainingParameters, mass_scale: float = TRAINING_SCALE) -> TrainingJob:
+    """A training with the controller's parameters `ours`, in PyBullet."""
+    controller = load_parameters("ours", controller=parameters.problem.name, slack_weight=TRAINING_SLACK_WEIGHT)
+    course = {"terrain": controller.terrain, "stones": parameters.walking_steps, "plant": "pybullet"}
     plant = SimulationParameters.model_validate({**TRAINING_PLANT, **course, "mass_scale": mass_scale})
     return TrainingJob(parameters, controller, plant)
 

@@ -65,9 +65,9 @@ class Posterior:
         left = np.linalg.cholesky(K)
         A = solve_triangular(left, kernel(x[inducing], w[inducing], x, w), lower=True) / kernel.noise
         B = np.linalg.cholesky(np.eye(len(A)) + A @ A.T)
-        whitened = solve_triangular(B, solve_triangular(left, np.eye(len(left)), lower=True), lower=True)
-        self._weights = whitened.T @ solve_triangular(B, A @ z / kernel.noise, lower=True)
         inverse = solve_triangular(left, np.eye(len(left)), lower=True)
+        whitened = solve_triangular(B, inverse, lower=True)
+        self._weights = whitened.T @ solve_triangular(B, A @ z / kernel.noise, lower=True)
         self._precision = inverse.T @ inverse - whitened.T @ whitened
 
     def at(self, x: Array) -> tuple[Array, Array]:
@@ -105,7 +105,7 @@ def spread(kernel: Kernel, x: Array, w: Array, count: int) -> Array:
     return np.array(chosen)
 
 
-def fit(x: Array, w: Array, z: Array, iterations: int = 100) -> Kernel:
+def fit(x: Array, w: Array, z: Array) -> Kernel:
     """The kernel of the largest marginal likelihood of the exact GP, from unit lengths on."""
     inputs = w.shape[1]
     begin = np.log(np.concatenate([np.full(inputs + 1, z.std()), np.full(x.shape[1], 3.0), [0.3 * z.std()]]))
@@ -118,7 +118,7 @@ def fit(x: Array, w: Array, z: Array, iterations: int = 100) -> Kernel:
         jac=True,
         method="L-BFGS-B",
         bounds=list(zip(low, high, strict=True)),
-        options={"maxiter": iterations},
+        options={"maxiter": 100},
     )
     return kernel_of(optimum.x, inputs)
 

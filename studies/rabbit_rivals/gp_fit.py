@@ -4,7 +4,6 @@ Each quantity's kernel is fitted by the marginal likelihood of a random part of 
 """
 
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +18,9 @@ from rabbit_rivals.gp_controller import GpAbout
 from rabbit_rivals.model_file import ModelFile
 
 FITTED = 600  # transitions that a kernel is fitted to
-INDUCING = 300
 
 
-def fit_session(
-    folder: Path, inducing: int = INDUCING, seed: int = 1, tell: Callable[[str], None] = print
-) -> ModelFile[GpAbout]:
+def fit_session(folder: Path, inducing: int, seed: int) -> ModelFile[GpAbout]:
     """The GPs of the session in `folder`; raises `CheckpointError` where there is none."""
     start = time.perf_counter()
     parameters, columns = transitions(folder)
@@ -42,7 +38,7 @@ def fit_session(
         fits["noise"].append(kernel.noise)
         chosen = spread(kernel, X, w, inducing)
         fits["inducing"].append(np.pad(chosen, (0, inducing - len(chosen)), constant_values=-1))
-        tell(f"{name}: noise {kernel.noise:.3g} of {of_one.std():.3g}, signal {np.round(kernel.signal, 3)}")
+        print(f"{name}: noise {kernel.noise:.3g} of {of_one.std():.3g}, signal {np.round(kernel.signal, 3)}")
     about = GpAbout(
         problem=problem.name,
         quantities=problem.quantities,

@@ -1,11 +1,12 @@
 """What enters the benchmark from here; a method whose file or library is missing is left blank, with the reason."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 from importlib.util import find_spec
 
 from rabbit_benchmark.methods import Method
 from rabbit_experiments.assembly import Assembly, AssemblyError
-from rabbit_reproduce.controllers import BEST, LIBRARY, MARGIN, variant
+from rabbit_reproduce.controllers import BEST, LIBRARY, MARGIN, Contender, variant
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.controller_parts import Further, nothing_further
 from rl_cbf_clf_controller.policy import Policy
@@ -38,17 +39,23 @@ class JointTargetAssembly(Assembly):
         return reference_alone() if self.policy == "zero" else network_policy(self.policy)
 
 
+@dataclass(frozen=True)
 class MixedAssembly(Assembly):
-    """The best controller, mixed with DAgger's network."""
+    """An assembly whose controller is mixed with a `student`."""
 
     kind = MixedController
+    student: Contender
 
     def make_controller(self, further: Further = nothing_further) -> Controller:
-        controller, contender = super().make_controller(further), DAGGER.on(self.controller.terrain)
+        controller = super().make_controller(further)
         assert isinstance(controller, MixedController)
-        assert contender
-        controller.student = contender.assembly().make_controller()
+        controller.student = self.student.assembly().make_controller()
         return controller
+
+
+def _mixed(controller: Contender, student: Contender | None) -> Contender:
+    assert student
+    return replace(controller, title="mixture", kind=partial(MixedAssembly, student=student))
 
 
 def _joint_targets(name: str, title: str, policy: str, trained_on: str) -> Method:
@@ -86,8 +93,8 @@ DAGGER = _joint_targets(
 MIXTURE = Method(
     "mixture",
     "best, a quarter of DAgger",
-    replace(BEST["stones"], title="mixture", kind=MixedAssembly),
-    replace(BEST["flat"], title="mixture", kind=MixedAssembly),
+    _mixed(BEST["stones"], DAGGER.stones),
+    _mixed(BEST["flat"], DAGGER.flat),
     f"what best learned; DAgger {PLANTS}; the share: development plants of all families",
 )
 DDPG_SB3 = _estimates(

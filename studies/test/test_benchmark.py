@@ -82,6 +82,12 @@ def test_what_nobody_could_walk_is_refused(words: list[str], said: str, tmp_path
     assert not (tmp_path / "out").exists()
 
 
+def test_a_method_that_is_named_twice_walks_once() -> None:
+    words = ["nominal:eps=0.03,0.030", "nominal:eps=0.02,0.03", "--cells", "stones/scale-2", "--list"]
+    methods = CliRunner().invoke(app, words).stdout.splitlines()[:-1]
+    assert [line.split()[0] for line in methods] == ["nominal:eps=0.03", "nominal:eps=0.02"]
+
+
 def test_a_benchmark_goes_on_and_leaves_a_blank_with_its_reason(tmp_path: Path) -> None:
     entered = [method for method in BUILT_IN if method.name in ("nominal-pd", "robust", "identified")]
     wanted, cache = chosen(["flat/scale-1"]), Cache(tmp_path / "cache")
@@ -89,7 +95,7 @@ def test_a_benchmark_goes_on_and_leaves_a_blank_with_its_reason(tmp_path: Path) 
     jobs = [job for walks in runs.values() if not isinstance(walks, str) for job in walks]
     assert run(jobs[:1], cache) == 1
     assert run(jobs, cache) == 1
-    page = Benchmark.from_cache(TINY, entered, wanted, runs, cache).write(tmp_path)
+    page = Benchmark(TINY, entered, wanted, runs, cache).write(tmp_path)
     rows = {row["method"]: row for row in csv.DictReader((tmp_path / "benchmark.csv").open())}
     assert rows["robust"]["reason"] == "no controller for flat"
     assert rows["robust"]["walked"] == ""

@@ -1,5 +1,7 @@
 """The methods as the benchmark takes them, and files that are refused."""
 
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +11,9 @@ from rabbit_benchmark.cells import cells
 from rabbit_benchmark.methods import method
 from rabbit_benchmark.protocol import Protocol
 from rabbit_description.gait import load_gaits
+from rabbit_experiments.assembly import Assembly
+from rabbit_experiments.provenance import plain
+from rabbit_reproduce.controllers import BEST
 from rabbit_rivals import methods
 from rabbit_rivals.gp_controller import GpAbout, GpController, GpPolicy
 from rabbit_rivals.model_file import read
@@ -24,6 +29,19 @@ def test_each_takes_a_step_in_the_benchmark(name: str, terrain: str) -> None:
     (walk,) = TINY.walks(method(name), cells()[f"{terrain}/scale-1"])
     row = walk.do().row
     assert row.ticks > (5 if name == "ddpg-sb3" else 30)
+
+
+def test_a_controller_mixed_with_itself_is_itself() -> None:
+    """The student's file decides the result as its own does."""
+    best, dagger = BEST["stones"], methods.DAGGER.on("stones")
+    mixed, own = (replace(best, kind=kind) for kind in (partial(methods.MixedAssembly, student=best), Assembly))
+    simulation, controller = mixed.assembly(mass_scale=2.0).build()
+    alone, state = own.assembly().make_controller(), simulation.reset(1)
+    for each in (controller, alone):
+        each.reset(1)
+    assert controller.step(state).torque == pytest.approx(alone.step(state).torque, rel=1e-12)
+    simulation.close()
+    assert dagger.policy in str(plain(methods.MIXTURE.on("stones").assembly()))
 
 
 def test_a_gp_without_confidence_decides_as_the_qp() -> None:

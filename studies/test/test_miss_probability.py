@@ -37,6 +37,13 @@ def test_the_true_probabilities_are_found() -> None:
     assert sum(group.holds for group in judgement.bins) >= len(judgement.bins) - 1
 
 
+def test_every_step_is_in_a_bin_and_steps_that_end_alike_leave_no_skill() -> None:
+    judgement = judged(np.array([0.0, 0.01, 0.5, 1.0]), np.zeros(4))
+    assert sum(group.steps for group in judgement.bins) == 4
+    assert np.isnan(judgement.skill)
+    assert judged(np.array([0.0, 1.0]), np.array([0.0, 1.0])).skill == 1
+
+
 def test_the_features_are_those_of_the_landings() -> None:
     """Step lengths, stones and times as the simulator counts them."""
     tuning = load_parameters("best")

@@ -57,7 +57,7 @@ def benchmark(
 
     with complaints(CellError, MethodError):
         methods = None if methods == ["all"] else methods
-        entered = [method for name in dict.fromkeys(methods or names()) for method in variants(name)]
+        entered = list(dict.fromkeys(method for name in methods or names() for method in variants(name)))
         wanted = chosen([name for name in cells.split(",") if name])
     with complaints():
         tick_seconds = SimulationParameters(tick_seconds=tick_seconds).tick_seconds
@@ -90,5 +90,5 @@ def benchmark(
     with complaints(JobError), going_on_from("the runs that are done"):
         walks = [job for jobs in runs.values() if not isinstance(jobs, str) for job in jobs]
         done = run(walks, cache, processes, batch=batch)
-    page = Benchmark.from_cache(protocol, entered, wanted, runs, cache, against).write(out)
+    page = Benchmark(protocol, entered, wanted, runs, cache, against).write(out)
     print(f"{done} runs made; written {page}")

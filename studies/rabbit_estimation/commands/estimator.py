@@ -6,7 +6,7 @@ from typing import Any
 
 import typer
 from pydantic import Field
-from rabbit_common.options import Defaults, Given, options
+from rabbit_common.options import Defaults, Given, fail, options
 from rabbit_common.own_folder import own_folder
 from rabbit_experiments.commands.evaluate import given_assembly
 from rabbit_experiments.conditions import EVALUATION_LAG, WalkOptions
@@ -30,6 +30,8 @@ def estimator(given: Given) -> None:
     """Walk with a lab's sensors: errors and consistency of the state estimator, in DIR/errors.json."""
     request = given.build(EstimatorOptions)
     assembly = given_assembly(given, request.policy, request.parameters)
+    if assembly.simulation.sensors == "exact":
+        fail("--sensors exact: expected lab, from which there is something to estimate")
     from rabbit_description.atomic_file import replace_text
     from rabbit_experiments import provenance
     from rabbit_experiments.evaluation import episode_seeds
@@ -43,7 +45,7 @@ def estimator(given: Given) -> None:
     summary = summarise(walks)
     about = {"command": provenance.command(), "commit": provenance.commit(), "seed": request.seed}
     replace_text(request.out / "errors.json", json.dumps(summary | about, indent=2))
-    draw(walks[0], request.out / "errors.png")
+    draw(walks[0], assembly.simulation.tick_seconds, request.out / "errors.png")
     show(summary)
     print(f"written {request.out}")
 
@@ -70,17 +72,16 @@ def show(summary: dict[str, Any]) -> None:
     print(f"NIS {summary['nis_within']:.0%}, {summary['nis_above']:.0%}")
 
 
-def draw(walk: Any, path: Path) -> None:
+def draw(walk: Any, tick_seconds: float, path: Path) -> None:
     """One walk's errors inside twice what is claimed."""
     import numpy as np
-    from rabbit_description.state import TICK_SECONDS
     from rabbit_viewer import style
 
     from rabbit_estimation.estimation_errors import NAMES, UNITS
 
     with style.look():
         figure, panels = style.figure(len(UNITS), height=1.2, width=7.2)
-        time = TICK_SECONDS * np.arange(len(walk.errors))
+        time = tick_seconds * np.arange(len(walk.errors))
         for axes, (name, unit) in zip(panels, UNITS.items(), strict=True):
             first = NAMES.index(name)
             axes.plot(time, walk.errors[:, first], color=style.BLACK, linewidth=0.8)

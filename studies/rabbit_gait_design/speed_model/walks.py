@@ -1,6 +1,7 @@
 """Walks over random plants in which each step is made for a slope that is changed at random."""
 
 from collections.abc import Sequence
+from contextlib import closing
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -62,13 +63,11 @@ class ExploringWalk(SeededRun):
 
     def do(self) -> Steps:
         simulation, controller = self.assembly.build()
-        try:
+        with closing(simulation):
             if controller.shape.slopes == 1:
                 raise AssemblyError("gait", f"{self.assembly.controller.gait}: expected a library with slopes")
             explorer = Explorer(controller, np.random.default_rng([self.seed, 1]))
             episode(simulation, controller, self.seed, explorer)
-        finally:
-            simulation.close()
         return explorer.seen
 
 

@@ -25,6 +25,7 @@ def misses(
     cluster: Cluster = None,
 ) -> None:
     """Fit the probability of a miss to walks in the storm, judge it in others: DIR/model.json, DIR/misses.md."""
+    from rabbit_experiments.assembly import AssemblyError
     from rabbit_experiments.cache import Cache, JobError
     from rabbit_experiments.engine import about_so_long, run
     from rl_cbf_clf_controller.parameters import ParameterError
@@ -40,7 +41,7 @@ def misses(
         " one that is stopped goes on. To begin:",
         f"rabbit misses --fit-plants {fit_plants} --plants {plants}",
     )
-    with complaints(MissModelError, ParameterError):
+    with complaints(AssemblyError, MissModelError, ParameterError):
         loaded = None if model is None else MissProbability.load(model)
         fit = [] if loaded else stormy_walks(fit_plants, FIT_SEED, parameters)
         judge = stormy_walks(plants, JUDGE_SEED, parameters)

@@ -69,7 +69,7 @@ class Tolerance(Sweep):
     plants: ClassVar = {RL_CBF_CLF: {"mass_scale": 2.0}, CBF_CLF_ORACLE: {"mass_scale": 2.0}, CBF_CLF: {}}
 
     def compared(self) -> Iterable[Line]:
-        """The lines but for the thousand steps."""
+        """The lines to compare: none, since how much each takes has no verdict."""
         return ()
 
     def claims(self, results: Results) -> list[Claim]:

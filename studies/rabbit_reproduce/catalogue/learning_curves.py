@@ -80,11 +80,8 @@ def sessions(size: Size) -> list[Session]:
 def by_contender(size: Size) -> dict[Contender, list[Session]]:
     """The trainings at scale 2."""
     every = [session for session in sessions(size) if session[0].mass_scale == TRAINING_SCALE]
-    return {
-        contender: [session for session in every if session[0].problem == contender.controller]
-        for contender in PAPER
-        if any(session[0].problem == contender.controller for session in every)
-    }
+    own = {who: [session for session in every if session[0].problem == who.controller] for who in PAPER}
+    return {who: sessions for who, sessions in own.items() if sessions}
 
 
 def trained_lines(size: Size) -> dict[TrainingJob, Line]:
