@@ -18,7 +18,7 @@ from rabbit_recording import RecordingError
 from rabbit_recording.explaining import explain_tick, explain_walk, worst_of
 from rl_trainer.rollout import Moment, Record
 
-from rabbit_viewer.geometry import DEPTH, force_arrow, legs_of, stone_spans, torso_points
+from rabbit_viewer.geometry import DEPTH, force_arrow, legs_of, spans_until, stone_spans, torso_points
 from rabbit_viewer.pictures import panels
 from rabbit_viewer.walk_pictures import place_of, records_of
 
@@ -81,11 +81,10 @@ def write_rerun(
 
 def scenes(walk: WalkRecords) -> Iterator[dict[str, list[Array]]]:
     """The lines (k, 2) of each tick by name, x from the hip and -z, m."""
-    legs, torso = legs_of(walk), torso_points(walk.q)
-    spans = stone_spans(walk, legs[:, :, 2].swapaxes(0, 1))
+    legs, torso, spans = legs_of(walk), torso_points(walk.q), stone_spans(walk)
     for row, stance in enumerate(walk.stance):
         foot = legs[stance, row, 2]
-        boxes = spans[: int(walk.step_index[row]) + 2]
+        boxes = spans_until(walk, spans, row)
         lines = {
             "stones": [np.array([(x, top - DEPTH * down) for x, down in _corners(*edges)]) for *edges, top in boxes],
             "swing": [legs[1 - stance, row]],
