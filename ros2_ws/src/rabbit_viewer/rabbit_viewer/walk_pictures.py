@@ -13,6 +13,7 @@ from rabbit_experiments.walk_records import (
     load_records,
     walk_title,
 )
+from rabbit_recording.open_recording import beside
 from rabbit_recording.reader import last_episode
 
 
@@ -52,7 +53,7 @@ def records_of(source: Path, episode: int | None = None) -> WalkRecords:
 def place_of(source: Path, name: str, suffix: str) -> Path:
     """A place for a picture: in a run's folder, or next to a recording."""
     is_run = exists(source / RECORDS)
-    return source / name if is_run else source.with_name(f"{source.resolve().stem}{suffix}")
+    return source / name if is_run else beside(source, f"{source.resolve().stem}{suffix}")
 
 
 def records_of_bag(bag: Path, number: int | None = None) -> WalkRecords:
