@@ -13,14 +13,14 @@ from rabbit_description.bounded_file import exists
 from rabbit_description.state import Array
 from rabbit_experiments.evaluation import RecordedWalk, parts
 from rabbit_experiments.evaluation import episode as run
-from rabbit_experiments.walk_records import RECORDING, RECORDS, WalkRecords
+from rabbit_experiments.walk_records import RECORDS, WalkRecords
 from rabbit_recording import RecordingError
 from rabbit_recording.explaining import explain_tick, explain_walk, worst_of
 from rl_trainer.rollout import Moment, Record
 
 from rabbit_viewer.geometry import DEPTH, force_arrow, legs_of, spans_until, stone_spans, torso_points
 from rabbit_viewer.pictures import panels
-from rabbit_viewer.walk_pictures import place_of, records_of
+from rabbit_viewer.walk_pictures import bag_of, place_of, records_of
 
 BLUE, ORANGE, GREEN, PURPLE, RED, GREY = 0x0072B2FF, 0xE69F00FF, 0x009E73FF, 0xCC79A7FF, 0xD55E00FF, 0x8C8C8CFF
 COLOURS = {"stance": BLUE, "swing": ORANGE, "torso": GREY, "force": RED, "stones": GREY}
@@ -102,7 +102,7 @@ def _corners(near: float, far: float) -> list[tuple[float, int]]:
 
 def explanation(source: Path, episode: int | None) -> str:
     """The tick with the most slack of last resort, in words; why there is none, where it cannot be replayed."""
-    bag = source / RECORDING if exists(source / RECORDING) else source
+    bag = bag_of(source)
     if exists(bag / RECORDS):
         return "Only a recording can be explained, not the arrays of a run."
     try:
