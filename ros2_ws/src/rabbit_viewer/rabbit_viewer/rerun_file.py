@@ -122,6 +122,6 @@ def explain_run(job: RecordedWalk) -> str:
         run(simulation, controller, job.seed, observe)
         of, worst, seconds = f"seed {job.seed}", worst_of(moments), simulation.tick_seconds
         try:
-            return "\n".join(explain_walk(of, controller.qp, moments, worst, moments, seconds).lines())
+            return "\n".join(explain_walk(of, controller.qp, moments, worst, seconds).lines())
         except ValueError as error:
             return str(error)
