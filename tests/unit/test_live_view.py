@@ -15,7 +15,7 @@ from rabbit_sim.kinematics import RabbitFeet
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.robot_urdf import perturbed_urdf
 from rabbit_sim.simulation import Simulation
-from rabbit_viewer.geometry import feet, stone_spans
+from rabbit_viewer.geometry import spans_until, stone_spans
 from rabbit_viewer.page.rows import RowMaker
 from rabbit_viewer.ros.rviz import markers
 from rl_cbf_clf_controller.controller import Controller
@@ -72,10 +72,21 @@ def edges(walk: WalkRecords, row: int, landings: slice = slice(None), sees: bool
 
 def test_stones_lie_where_the_film_has_them(walk: WalkRecords) -> None:
     """The film sees the whole walk; the viewer lays them out backwards from the foot that stands."""
-    spans = stone_spans(walk, feet(walk.q))
+    spans = stone_spans(walk)
     for row in range(0, len(walk.tick), 7):
-        expected = [span[:2] for span in spans[: int(walk.step_index[row]) + 2]]
+        expected = [span[:2] for span in spans_until(walk, spans, row)]
         np.testing.assert_allclose(edges(walk, row), expected, atol=5e-3)  # each landing yields a millimetre
+
+
+def test_a_film_that_begins_late_has_the_same_next_stone(walked: Walked, walk: WalkRecords) -> None:
+    records, simulation = walked
+    begin = int(walk.step_starts[1]) + 3
+    late = WalkRecords.from_ticks(records[begin:], simulation.landings, walk.about)
+    for row in range(0, len(late.tick), 7):
+        (*_, expected), (*_, found) = (
+            spans_until(of, stone_spans(of), at) for of, at in ((walk, begin + row), (late, row))
+        )
+        np.testing.assert_allclose(found[:2], expected[:2], atol=5e-3)
 
 
 def test_frames_carry_the_links_to_where_the_feet_are(walk: WalkRecords) -> None:

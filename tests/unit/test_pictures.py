@@ -5,6 +5,8 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import imageio.v3 as imageio
 import numpy as np
@@ -12,10 +14,12 @@ import pytest
 from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.evaluation import record_walk
 from rabbit_experiments.walk_records import RECORDS, WalkRecords, save_records
+from rabbit_recording import RecordingError
 from rabbit_sim.parameters import SimulationParameters
+from rabbit_viewer import video
 from rabbit_viewer.commands.video import app
 from rabbit_viewer.scene import SIZE, Scene
-from rabbit_viewer.walk_pictures import draw_pictures
+from rabbit_viewer.walk_pictures import draw_pictures, records_of
 from rl_cbf_clf_controller.parameters import load_parameters
 from typer.testing import CliRunner
 
@@ -72,6 +76,40 @@ def test_no_walk_is_one_line(
     monkeypatch.chdir(tmp_path / "empty" if words == (".",) else tmp_path)
     done = CliRunner().invoke(app, [*words])
     assert (done.exit_code, done.stderr.count("\n")) == (2, 1), done.output
+
+
+def test_an_episode_of_a_run_is_that_of_its_recording(walk: Any, tmp_path: Path, write_bag: WriteBag) -> None:
+    save_records(walk_on("clf-qp"), tmp_path / RECORDS)
+    with pytest.raises(RecordingError):
+        records_of(tmp_path, 1)
+    write_bag(tmp_path / "recording")
+    assert records_of(tmp_path, 1).tick.tolist() == [record.state.tick for record in walk.records]
+    assert len(records_of(tmp_path).tick) != len(walk.records)
+
+
+def test_walks_with_other_ticks_are_filmed_at_one_pace(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The rows of a walk and of one with ticks twice as long, in each frame to the end of the second."""
+    shown: dict[float, list[int]] = {0.01: [], 0.02: []}
+
+    class Rows:
+        fall = None
+
+        def __init__(self, walk: Any, has_legend: bool) -> None:
+            self._rows = shown[walk.tick_seconds]
+
+        def frame(self, row: int) -> Any:
+            self._rows.append(row)
+            return np.zeros((1, 1, 4))
+
+    monkeypatch.setattr(video, "Scene", Rows)
+    walks: Any = [
+        SimpleNamespace(tick=range(101), tick_seconds=0.01),
+        SimpleNamespace(tick=range(41), tick_seconds=0.02),
+    ]
+    list(video._frames(walks, speed=1.0))
+    for row, other in zip(*shown.values(), strict=True):
+        assert other == min(row // 2, 40)
+    assert shown[0.01][-1] == 100
 
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "read_recording.py"

@@ -3,10 +3,10 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from cbf_clf_qp.tick import Tick
-from rabbit_description.state import TICK_SECONDS
 from rl_cbf_clf_controller.explanation import Explanation, Words, changes, explain
 from rl_trainer.rollout import Moment, Record
 from rl_trainer.task_episode import Ride
@@ -51,13 +51,12 @@ class ExplainedTick:
         return [*told, *(f"  {line}" for line in self.changed)]
 
 
-def explained(
-    programme: Tick, moments: Mapping[int, Moment], tick: int, records: Mapping[int, Record]
-) -> tuple[Explanation, Explanation | None]:
-    """A tick, and the one before if it is among the `moments`; the next of the `records` says what was measured."""
+def explained(programme: Tick, moments: Mapping[int, Any], tick: int) -> tuple[Explanation, Explanation | None]:
+    """A tick, and the one before if it is among the moments; of the next a `Record` will do, which says what was
+    measured."""
 
     def of(k: int) -> Explanation:
-        now, after = moments[k], records.get(k + 1)
+        now, after = moments[k], moments.get(k + 1)
         measured = after.output.measured if after and after.output.measured.size else None
         return explain(programme, now.x, now.p, now.estimates, now.decided, measured)
 
@@ -65,16 +64,10 @@ def explained(
 
 
 def explain_walk(
-    of: str,
-    programme: Tick,
-    moments: Mapping[int, Moment],
-    tick: int,
-    records: Mapping[int, Record],
-    tick_seconds: float = TICK_SECONDS,
-    is_set: bool = False,
+    of: str, programme: Tick, moments: Mapping[int, Any], tick: int, tick_seconds: float, is_set: bool = False
 ) -> ExplainedTick:
     """A tick of RABBIT's; `of`: of what; `is_set`: parameters changed in it. Raises ValueError: no solver answered."""
-    now, before = explained(programme, moments, tick, records)
+    now, before = explained(programme, moments, tick)
     output = moments[tick].output
     where = f"step {output.step_index}, on the {LEGS[output.stance]} leg for {output.step_time:.2f} s"
     title = f"{of}, tick {tick} ({tick * tick_seconds:.2f} s): {where}"
@@ -114,7 +107,7 @@ def explain_tick(path: Path, tick: int | None = None, number: int | None = None)
         RecordingError: as `iterate_episodes`; no such tick, or one that cannot be replayed.
     """
     episode = last_episode(path, number)
-    records = {record.state.tick: record for record in episode.records}
+    records: dict[int, Record] = {record.state.tick: record for record in episode.records}
     tick = worst_of(records) if tick is None else tick
     here = f"recording {path}: tick {tick} of episode {episode.number}"
     if tick not in records:
@@ -123,18 +116,16 @@ def explain_tick(path: Path, tick: int | None = None, number: int | None = None)
         raise RecordingError(f"{here}: its controller publishes no controller_state")
     if missing := [k for k in range(tick) if k not in records]:
         raise RecordingError(f"{here}: a replay needs all ticks before it, but tick {missing[0]} is missing")
-    moments = dict[int, Moment]()
     with one_line_errors(path, f"tick {tick} of episode {episode.number} cannot be explained"):
         wanted = replace(episode, records=[records[k] for k in range(tick + 1)])
         for k, (controller, output) in enumerate(replayed(wanted)):
             if k >= tick - 1:
-                record = records[k]
-                if (off := np.abs(output.torque - record.output.torque).max()) > ROUNDING:
+                if (off := np.abs(output.torque - records[k].output.torque).max()) > ROUNDING:
                     raise RecordingError(f"{here}: its replay is off by {off:.3g} N m in tick {k}")
-                moments[k] = Moment.of(controller, record)
+                records[k] = Moment.of(controller, records[k])
         is_set = tick in [settings.tick for settings in episode.settings]
         of, seconds = f"episode {episode.number}", episode.tick_seconds
-        return explain_walk(of, controller.qp, moments, tick, records, seconds, is_set)
+        return explain_walk(of, controller.qp, records, tick, seconds, is_set)
 
 
 def explain_ride(ride: Ride, tick: int | None = None) -> ExplainedTick:
@@ -145,7 +136,7 @@ def explain_ride(ride: Ride, tick: int | None = None) -> ExplainedTick:
         raise ValueError(f"tick {tick} of {ride.controller}: expected one from 0 to {len(moments) - 1}")
     if (decided := moments[tick].decided) is None:
         raise ValueError(f"tick {tick} of {ride.controller}: it has no QP")
-    now, before = explained(ride.task.tick, moments, tick, moments)
+    now, before = explained(ride.task.tick, moments, tick)
     changed = changes(before, now) or ["no row changed"] if before else ["it is the first"]
     title = f"{ride.task.name}, {ride.controller}, tick {tick} ({moments[tick].output.step_time:.2f} s)"
     return ExplainedTick(title, f"answered by {decided.solver}", now, changed)

@@ -72,6 +72,11 @@ def storage_files(path: Path) -> list[Path]:
     return files
 
 
+def beside(path: Path, name: str) -> Path:
+    """What has this name in the folder in which a file or folder lies, `.` and `..` too."""
+    return (path.parent if path.name.strip(".") else path / "..") / name
+
+
 def is_unfinished(file: Path) -> bool:
     """Without its end."""
     with one_line_errors(file), file.open("rb") as stream:

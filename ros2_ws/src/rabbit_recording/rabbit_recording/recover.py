@@ -11,7 +11,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from rabbit_recording import RecordingError
 from rabbit_recording.bag_writer import BagWriter
-from rabbit_recording.open_recording import MCAP_MAGIC, check_definitions, one_line_errors, storage_files
+from rabbit_recording.open_recording import MCAP_MAGIC, beside, check_definitions, one_line_errors, storage_files
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ def recover(path: Path, out: Path | None = None) -> Recovered:
     types, writer = get_typestore(Stores.EMPTY), None
     with one_line_errors(path):
         for connection, nanoseconds, data in (message for file in files for message in whole_messages(file)):
-            writer = writer or BagWriter(out or folder.with_name(f"{folder.resolve().name}-recovered"), types)
+            writer = writer or BagWriter(out or beside(folder, f"{folder.resolve().name}-recovered"), types)
             if connection.topic not in writer.topics:
                 assert isinstance(connection.ext, ConnectionExtRosbag2)
                 types.register(get_types_from_msg(connection.msgdef.data, connection.msgtype))

@@ -56,6 +56,19 @@ def ticks_in(path: Path) -> list[int]:
         return [struct.unpack_from("<q", data)[0] for _, _, data in reader.messages()]
 
 
+def test_what_is_made_of_a_recording_lies_beside_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """However it is named; a file's lies beside its folder."""
+    writer = open_writer(tmp_path / "bag")
+    writer.write("/tick", 0, PADDING)
+    writer.close()
+    (file,) = writer.path.glob("*.mcap")
+    (tmp_path / "bag" / "inside").mkdir()
+    for here, name in (("bag", "."), ("bag", file.name), ("bag/inside", ".."), (".", "bag")):
+        monkeypatch.chdir(tmp_path / here)
+        assert recover(Path(name)).path.resolve() == tmp_path / "bag-recovered"
+        shutil.rmtree(tmp_path / "bag-recovered")
+
+
 @pytest.mark.parametrize("seed", range(2))
 def test_a_kill_loses_at_most_the_last_second(tmp_path: Path, seed: int) -> None:
     written = FORK.Value("q", -1, lock=False)

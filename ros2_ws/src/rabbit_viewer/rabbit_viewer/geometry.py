@@ -89,20 +89,22 @@ def fall_of(walk: WalkRecords) -> int | None:
     return first if first < len(walk.q) else None
 
 
-def stone_spans(walk: WalkRecords, feet: Array) -> list[Span]:
-    """World edges and top, as previewed, of the platform and each step's stone, m; empty on flat ground.
-
-    `feet` (n, 2, 2).
-    """
+def stone_spans(walk: WalkRecords) -> list[Span]:
+    """World edges and top, as previewed, of the platform and each step's stone, m; empty on flat ground."""
     if not np.isfinite(walk.preview).any():
         return []
     starts = walk.step_starts
     seen = starts[np.isfinite(walk.preview[starts, 0])]
-    origin = feet[seen, walk.stance[seen], 0]
+    origin = feet(walk.q[seen], links_of(walk.about))[np.arange(len(seen)), walk.stance[seen], 0]
     edges = origin[:, None] + walk.preview[seen]
     half = float(np.diff(walk.preview[seen[0]])[0]) / 2
     tops = np.cumsum(walk.stone_height[seen])
     return [Span(PLATFORM, half), *(Span(*span) for span in np.column_stack([edges, tops]).tolist())]
+
+
+def spans_until(walk: WalkRecords, spans: list[Span], row: int) -> list[Span]:
+    """Those of the `stone_spans` that are seen by this row of the records, which may begin with any step."""
+    return spans[: int(np.searchsorted(walk.step_starts, row, side="right")) + 1]
 
 
 def area_at(walk: WalkRecords, row: int) -> Array | None:

@@ -13,14 +13,14 @@ from rabbit_description.bounded_file import exists
 from rabbit_description.state import Array
 from rabbit_experiments.evaluation import RecordedWalk, parts
 from rabbit_experiments.evaluation import episode as run
-from rabbit_experiments.walk_records import RECORDING, RECORDS, WalkRecords
+from rabbit_experiments.walk_records import RECORDS, WalkRecords
 from rabbit_recording import RecordingError
 from rabbit_recording.explaining import explain_tick, explain_walk, worst_of
 from rl_trainer.rollout import Moment, Record
 
-from rabbit_viewer.geometry import DEPTH, force_arrow, legs_of, stone_spans, torso_points
+from rabbit_viewer.geometry import DEPTH, force_arrow, legs_of, spans_until, stone_spans, torso_points
 from rabbit_viewer.pictures import panels
-from rabbit_viewer.walk_pictures import place_of, records_of
+from rabbit_viewer.walk_pictures import bag_of, place_of, records_of
 
 BLUE, ORANGE, GREEN, PURPLE, RED, GREY = 0x0072B2FF, 0xE69F00FF, 0x009E73FF, 0xCC79A7FF, 0xD55E00FF, 0x8C8C8CFF
 COLOURS = {"stance": BLUE, "swing": ORANGE, "torso": GREY, "force": RED, "stones": GREY}
@@ -81,11 +81,10 @@ def write_rerun(
 
 def scenes(walk: WalkRecords) -> Iterator[dict[str, list[Array]]]:
     """The lines (k, 2) of each tick by name, x from the hip and -z, m."""
-    legs, torso = legs_of(walk), torso_points(walk.q)
-    spans = stone_spans(walk, legs[:, :, 2].swapaxes(0, 1))
+    legs, torso, spans = legs_of(walk), torso_points(walk.q), stone_spans(walk)
     for row, stance in enumerate(walk.stance):
         foot = legs[stance, row, 2]
-        boxes = spans[: int(walk.step_index[row]) + 2]
+        boxes = spans_until(walk, spans, row)
         lines = {
             "stones": [np.array([(x, top - DEPTH * down) for x, down in _corners(*edges)]) for *edges, top in boxes],
             "swing": [legs[1 - stance, row]],
@@ -103,7 +102,7 @@ def _corners(near: float, far: float) -> list[tuple[float, int]]:
 
 def explanation(source: Path, episode: int | None) -> str:
     """The tick with the most slack of last resort, in words; why there is none, where it cannot be replayed."""
-    bag = source / RECORDING if exists(source / RECORDING) else source
+    bag = bag_of(source)
     if exists(bag / RECORDS):
         return "Only a recording can be explained, not the arrays of a run."
     try:
@@ -123,6 +122,6 @@ def explain_run(job: RecordedWalk) -> str:
         run(simulation, controller, job.seed, observe)
         of, worst, seconds = f"seed {job.seed}", worst_of(moments), simulation.tick_seconds
         try:
-            return "\n".join(explain_walk(of, controller.qp, moments, worst, moments, seconds).lines())
+            return "\n".join(explain_walk(of, controller.qp, moments, worst, seconds).lines())
         except ValueError as error:
             return str(error)

@@ -20,7 +20,7 @@ from PIL import Image, ImageDraw, ImageFont
 from rabbit_experiments.walk_records import WalkRecords
 
 from rabbit_viewer import style
-from rabbit_viewer.geometry import DEPTH, area_at, fall_of, force_arrow, legs_of, stone_spans, torso_points
+from rabbit_viewer.geometry import DEPTH, area_at, fall_of, force_arrow, legs_of, spans_until, stone_spans, torso_points
 
 VIEW = (-1.2, 1.2, -0.25, 1.6)  # m: left, right, bottom, top, from below the hip
 SIZE = (960, 740)  # pixels, as the view
@@ -50,7 +50,7 @@ class Scene:
         self._walk, self._starts = walk, walk.step_starts
         self._legs, self._torso = legs_of(walk), torso_points(walk.q)
         self.fall = fall_of(walk)
-        self._spans = stone_spans(walk, self._legs[:, :, 2].swapaxes(0, 1))
+        self._spans = stone_spans(walk)
         figure = Figure(figsize=(SIZE[0] / 100, SIZE[1] / 100), dpi=100)
         self._canvas: Any = FigureCanvasAgg(figure)  # its drawing methods have no types
         axes = figure.add_axes((0, 0, 1, 1))
@@ -95,7 +95,7 @@ class Scene:
 
     def _place_boxes(self, row: int) -> None:
         """The platform, a stone for each step begun, and the area that the barriers allow."""
-        camera, spans = self._walk.q[row, 0], self._spans[: int(self._walk.step_index[row]) + 2]
+        camera, spans = self._walk.q[row, 0], spans_until(self._walk, self._spans, row)
         boxes = [_box(near - camera, far - camera, top) for near, far, top in spans]
         self._boxes["ground"].set_verts(boxes or [_box(VIEW[0] - 1, VIEW[1] + 1)])
         self._boxes["next"].set_verts(boxes[-1:] if np.isfinite(self._walk.preview[row, 0]) else [])

@@ -13,6 +13,7 @@ from rabbit_experiments.walk_records import (
     load_records,
     walk_title,
 )
+from rabbit_recording.open_recording import beside
 from rabbit_recording.reader import last_episode
 
 
@@ -45,14 +46,20 @@ def film_walk(
 
 
 def records_of(source: Path, episode: int | None = None) -> WalkRecords:
-    """The records of a run, or the ticks of a recording's episode; raises as `draw_pictures`."""
-    return load_records(source / RECORDS) if exists(source / RECORDS) else records_of_bag(source, episode)
+    """The records of a run, or the ticks of an episode of its recording or of another; raises as `draw_pictures`."""
+    is_run = exists(source / RECORDS) and episode is None
+    return load_records(source / RECORDS) if is_run else records_of_bag(bag_of(source), episode)
+
+
+def bag_of(source: Path) -> Path:
+    """The recording: a run's, or what is given itself."""
+    return source / RECORDING if exists(source / RECORDING) else source
 
 
 def place_of(source: Path, name: str, suffix: str) -> Path:
     """A place for a picture: in a run's folder, or next to a recording."""
     is_run = exists(source / RECORDS)
-    return source / name if is_run else source.with_name(f"{source.resolve().stem}{suffix}")
+    return source / name if is_run else beside(source, f"{source.resolve().stem}{suffix}")
 
 
 def records_of_bag(bag: Path, number: int | None = None) -> WalkRecords:

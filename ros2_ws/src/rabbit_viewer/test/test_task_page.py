@@ -90,8 +90,10 @@ def test_a_rate_follows_the_pace() -> None:
     """At each pace the published speed of the obstacle is the derivative of its place."""
     task = load_task(str(EXAMPLES / "obstacle_arm.py"))
     assert rates_of(task) == {"speed_x", "speed_z"}
-    settings = settings_of(task, Start("", ("nominal",), 1)).model_validate({"pace": 2.5, "added_place_x": 0.1})
-    commands = task.commands(np.random.default_rng(1))
+    model, commands = settings_of(task, Start("", ("nominal",), 1)), task.commands(np.random.default_rng(1))
+    shown = [name.removeprefix("added_") for name in model.model_fields if name.startswith("added_")]
+    assert shown == [name for name in commands(0.0) if not name.startswith("speed")]  # in the order of the task
+    settings = model.model_validate({"pace": 2.5, "added_place_x": 0.1})
     at, h = partial(altered(task, settings, lambda t, _: commands(t)), impacts=0), 1e-6
     for t in (0.0, 0.7, 3.0):
         for axis in "xz":

@@ -145,7 +145,9 @@ def plot(
 ) -> None:
     """Draw the pictures of a run or a recording."""
     if out or task:
-        folder = own_folder(out or source.with_name(f"{source.stem}-pictures"), "bag plot")
+        from rabbit_recording.open_recording import beside
+
+        folder = own_folder(out or beside(source, f"{source.resolve().stem}-pictures"), "bag plot")
     with complaints(ValueError, RuntimeError, OSError):
         if task:
             drawn = brought("ride")(ride_in(source, task, episode), folder, form)

@@ -14,7 +14,7 @@ from pydantic import ValidationError
 from rabbit_common.guard import guarded
 from rabbit_description.bounded_file import exists
 from rabbit_description.state import StonePreview
-from rabbit_experiments.walk_records import ARRAYS, RECORDING, RECORDS, SEEN, WalkRecords
+from rabbit_experiments.walk_records import ARRAYS, RECORDS, SEEN, WalkRecords
 from rabbit_recording.explaining import explain_tick
 
 from rabbit_viewer.page import Explain
@@ -22,7 +22,7 @@ from rabbit_viewer.page.broadcast import Broadcast
 from rabbit_viewer.page.files import write_page
 from rabbit_viewer.page.rows import RowMaker, packed
 from rabbit_viewer.page.server import PageServer
-from rabbit_viewer.walk_pictures import records_of
+from rabbit_viewer.walk_pictures import bag_of, records_of
 
 
 @dataclass
@@ -72,7 +72,7 @@ def show_recording(source: Path, port: int, opens_browser: bool, export: Path | 
         RecordsError, RecordingError: not readable, or no such episode in it.
         PageError: the port is taken, or the file cannot be written.
     """
-    bag = source / RECORDING if exists(source / RECORDING) else source
+    bag = bag_of(source)
     walk = recorded(records_of(source, episode), source.name)
     walk.explains = not exists(bag / RECORDS)  # its ticks are there, and not the arrays alone
     show(walk, lambda tick: explain_tick(bag, tick, episode).lines(), port, opens_browser, export)

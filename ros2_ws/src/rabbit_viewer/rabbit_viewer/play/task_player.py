@@ -63,7 +63,7 @@ def settings_of(task: ControlTask, start: Start) -> type[Checked]:
         fields[TRUE + name] = (Number, shown(true, *bounds(true, believed), title, step(true, believed)))
     commanded = task.beginning(start.seed)[1](0.0, 0)
     rates = rates_of(task)
-    for name in commanded.keys() - (rates or ()):
+    for name in (name for name in commanded if name not in (rates or ())):
         most = abs(commanded[name]) or 1.0
         bound = (-math.ceil(most / step(most)) * step(most), math.ceil(most / step(most)) * step(most))
         fields[ADDED + name] = (Number, shown(0.0, *bound, f"{name}: more", step(most), when="reset"))

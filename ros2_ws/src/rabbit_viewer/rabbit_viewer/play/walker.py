@@ -97,7 +97,7 @@ class Walker:
             first, last = (self._kept[i].output.tick if self._kept else 0 for i in (0, -1))
             raise ValueError(f"tick {tick} of {self.name}: expected one from {first} to {last}, which are kept")
         programme, seconds = self._controller.qp, self._assembly.simulation.tick_seconds
-        return explain_walk(f"robot {self.name}", programme, near, tick, near, seconds).lines()
+        return explain_walk(f"robot {self.name}", programme, near, tick, seconds).lines()
 
     def close(self) -> None:
         """Give back the plant."""
