@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.estimates import Estimates
 from pydantic import Field
 from rabbit_description.state import SWAP_TORQUE, Array, Leg, RobotState
@@ -132,7 +133,7 @@ class JointTargetController(Controller):
         one, limit, nothing = self.see(state), self.parameters.torque_limit, self.qp.no_error()
         (wanted,), scene = command(self._memory, one, self.policy.act(observe(self._memory, one))), one[0]
         in_order = wanted.clip(-limit, limit)
-        mu = scene.output_dynamics(in_order)
+        mu = Affine(scene.seen.outputs_a, scene.seen.outputs_b)(in_order)
         return ControllerOutput(
             **seen_fields(scene),
             barrier_names=self.barrier_names,
