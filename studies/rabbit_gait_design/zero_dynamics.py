@@ -12,9 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from cbf_clf_qp.functions import NumpyFunction
 from rabbit_description.state import Array
-from rl_cbf_clf_controller.virtual_constraints import RABBIT_ANGLES, Angles, Path, VirtualConstraints
+from rl_cbf_clf_controller.virtual_constraints import RABBIT_ANGLES, Angles, Path
 from scipy.integrate import solve_ivp
 
+from rabbit_gait_design.path_outputs import VirtualConstraints
 from rabbit_gait_design.pinocchio_model import PinocchioModel
 
 

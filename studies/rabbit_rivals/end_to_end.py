@@ -65,6 +65,7 @@ class JointTargets(OverPlants):
     def command(self, actions: Array) -> tuple[Array, Array]:
         """See `OverPlants`."""
         scene, last = self.scene, self._memory.frames[:, -1, -ACTIONS:]
+        self.controller.go_on()
         torque = command(self._memory, scene, actions).clip(-self._limit, self._limit)
         y, change = scene.seen.eta[:, :ACTIONS], self._memory.action - last
         reward = PER_TICK * np.exp(-np.square(y).mean(axis=1) / ON_TARGET**2)

@@ -15,14 +15,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.estimates import Estimates
 from pydantic import Field
 from rabbit_description.state import SWAP_TORQUE, Array, Leg, RobotState
-from rl_cbf_clf_controller.controller import Controller
+from rl_cbf_clf_controller.batch_output import BatchScene
+from rl_cbf_clf_controller.controller import Controller, checked, sound
 from rl_cbf_clf_controller.controller_output import ControllerOutput, seen_fields
 from rl_cbf_clf_controller.network import Actor
 from rl_cbf_clf_controller.policy import Policy
-from rl_cbf_clf_controller.residual_policy import of_one
 from rl_cbf_clf_controller.scene import Scene
 from rl_cbf_clf_controller.uncertainty import UNITS
 from rl_cbf_clf_controller.weights import layer_shapes
@@ -129,12 +130,10 @@ class JointTargetController(Controller):
 
     def step(self, state: RobotState) -> ControllerOutput:
         """The torque for one tick. mu is what it amounts to under the nominal model."""
-        fault, limit = self.see(state), self.parameters.torque_limit
-        scene, nothing = self.scene, self.qp.no_error()
-        one = of_one(scene)
-        (wanted,) = command(self._memory, one, self.policy.act(observe(self._memory, one)))
+        one, limit, nothing = self.see(state), self.parameters.torque_limit, self.qp.no_error()
+        (wanted,), scene = command(self._memory, one, self.policy.act(observe(self._memory, one))), one[0]
         in_order = wanted.clip(-limit, limit)
-        mu = scene.output_dynamics(in_order)
+        mu = Affine(scene.seen.outputs_a, scene.seen.outputs_b)(in_order)
         return ControllerOutput(
             **seen_fields(scene),
             barrier_names=self.barrier_names,
@@ -154,8 +153,14 @@ class JointTargetController(Controller):
             answered=True,
             solve_seconds=0.0,
             policy_version=self.policy.version,
-            fault=fault,
+            fault=one.faults.get(0, ""),
         )
+
+    def see(self, state: RobotState) -> BatchScene:
+        """Take a state in: the scene of this one robot."""
+        scene = sound(self.robots.look(checked(state)))
+        self.robots.go_on()
+        return scene
 
 
 def reference_alone() -> NetworkPolicy:

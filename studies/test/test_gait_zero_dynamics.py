@@ -7,8 +7,8 @@ from rabbit_description.gait import GaitLibrary, load_gait, load_gaits
 from rabbit_description.state import Array
 from rabbit_gait_design import symbolic_robot
 from rabbit_gait_design.orbit import Orbit
+from rabbit_gait_design.path_outputs import VirtualConstraints
 from rabbit_gait_design.zero_dynamics import ZeroDynamics, nominal_model
-from rl_cbf_clf_controller.virtual_constraints import VirtualConstraints
 
 GAIT = load_gait("stones_0350_070")
 POINTS = [(0.0, 1.7), (0.3, 2.4), (0.7, 2.0), (1.0, 3.0)]

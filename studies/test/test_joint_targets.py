@@ -27,7 +27,6 @@ from rabbit_rivals.methods import PD
 from rabbit_rivals.model_file import ModelFile
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Simulation
-from rl_cbf_clf_controller.residual_policy import of_one
 
 GAITS = load_gaits("paper_stones")
 
@@ -83,13 +82,13 @@ def test_the_history_is_of_this_episode_the_newest_last() -> None:
     state, memory, frames = simulation.reset(1), Memory.of(1), []
     own.reset(1)
     for tick in range(FRAMES + 2):
-        own.see(state)
-        read = observe(memory, of_one(own.scene)).reshape(FRAMES, FEATURES)
+        scene = own.see(state)
+        read = observe(memory, scene).reshape(FRAMES, FEATURES)
         frames.append(read[-1])
         expected = [frames[max(0, tick - FRAMES + 1 + i)] for i in range(FRAMES)]
         assert np.array_equal(read, expected)
         said = np.full((1, ACTIONS), 0.1 * (tick % 3))
-        command(memory, of_one(own.scene), said)
+        command(memory, scene, said)
         if tick:
             assert read[-1, -ACTIONS:] == pytest.approx(0.1 * ((tick - 1) % 3))
         state = simulation.step(own.step(state).torque)
@@ -97,6 +96,5 @@ def test_the_history_is_of_this_episode_the_newest_last() -> None:
     assert len({frame.tobytes() for frame in frames}) == len(frames)
 
     own.reset(1)
-    own.see(simulation.reset(1))
-    again = observe(memory, of_one(own.scene)).reshape(FRAMES, FEATURES)
+    again = observe(memory, own.see(simulation.reset(1))).reshape(FRAMES, FEATURES)
     assert np.array_equal(again, [frames[0]] * FRAMES)

@@ -19,6 +19,7 @@ from cbf_clf_qp.estimates import Estimates
 from own_cart import CART, LIMIT, POLE
 from rabbit_command import invoke
 from rabbit_description.task import ControlTask, TaskError
+from rabbit_description.task_simulation import TaskSimulation
 from rabbit_description.task_source import load_task
 from rabbit_experiments.cache import Cache
 from rabbit_experiments.task_rides import TaskRide, rides_of
@@ -157,6 +158,15 @@ def test_training_finds_the_error_and_keeps_the_barrier(task, tmp_path):
     write_ride(ride, tmp_path / "bag", policy)
     assert checked(task, tmp_path / "bag") == (300, [], 0.0)
     assert contents(tmp_path / "bag").episodes[0].policies == [policy.version]
+
+
+def test_a_controller_of_the_tasks_own_is_the_one_that_acts(task):
+    controller = TaskController(replace(task, controllers={"own": lambda x, p: [1.5]}))
+    state = TaskSimulation(task).reset(1)
+    controller.policy = "own"
+    assert (controller.act(state).torque, controller.output().torque, controller.decided) == (1.5, 1.5, None)
+    controller.policy = "nominal"
+    assert controller.act(state).torque == controller.output().torque == controller.decided.u != 1.5
 
 
 @pytest.mark.parametrize("controller", ["nominal", "oracle", "own"])

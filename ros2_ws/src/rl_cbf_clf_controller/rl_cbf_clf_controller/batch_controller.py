@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from rl_cbf_clf_controller.parameters import ControllerParameters
 
 NO_STONE = StonePreview(0, np.nan, np.nan, np.nan)
-# of a memory: what is known since the step began
-BEGUN = "stance", "index", "start", "seconds", "has_begun", "path", "phase_scale", "steps", "place", "moved", "carries"
 
 
 class BatchController:
@@ -37,11 +35,10 @@ class BatchController:
     """
 
     def __init__(self, controller: ControllerParts, policies: Sequence[Policy]) -> None:
-        n, tick = len(policies), controller.qp
+        n = len(policies)
         self._one, self.policies, self._n = controller, list(policies), n
         self._solvers = list[Any]([None] * n)  # those outside the function, once they are asked
         self._rngs = list[Any]([None] * n)
-        self._none = Estimates.of_many([tick.no_error()])
         self._memory = Memory.of(n)
         self.unanswered = 0
         self._bind(controller.first_memory(), n)
@@ -103,6 +100,7 @@ class BatchController:
         self._n = len(rows)
         self._bind(memory[0], self._n)
         self._rows.memory[:], self._rows.settings[:], self._rows.reading[:] = memory, settings, reading
+        self._is_silent = False  # there is the last tick's noise
 
     def step(self, states: "RobotStates | RobotState | Sequence[RobotState]") -> BatchOutput:
         """The torques for one tick; see `Controller.step`. Those of a state that is refused mean nothing."""
@@ -170,27 +168,25 @@ class BatchController:
         self._reading["noise"][...], self._is_silent = omega, sigma == 0
         return omega
 
-    def look(self, states: Any, is_kept: bool = True) -> BatchScene:
+    def look(self, states: Any) -> BatchScene:
         """What is seen of the states, after those robots have changed legs that came down.
 
-        Where it is not `is_kept`, no robot changes legs, and the next tick will not know of this one.
+        The next tick knows of it if `decide` or `go_on` follows.
         """
-        rows = self._rows
         self._read(states)
-        stood = rows.stand()
-        at = self._one.functions.stand.places
-        errors = self._errors(states, stood[:, at["refused"][0].start])
-        if not is_kept:
-            stood[:, at["begins"][0]] = 0
-        seen = rows.see().copy()
-        if is_kept:
-            self._keep(seen, stood, [i for i in range(self._n) if i not in errors])
-        self._seen = seen
-        return scene_of(self._one, seen, errors)
+        self._seen = seen = self._rows.look().copy()
+        return scene_of(self._one, seen, self._errors(states, seen[:, self._one.places["refused"]][:, 0]))
+
+    def go_on(self) -> None:
+        """Goes on to the next tick from what was looked at last, without a decision."""
+        f = self._one.functions
+        kept = self._seen[:, f.scene.places["kept"][0]]
+        for name, (place, _) in f.kept.places.items():
+            self._rows.memory[:, f.memory.places[name][0]] = kept[:, place]
 
     def identified(self) -> Estimates:
         """The estimates of the identified robots, of the states that were looked at last."""
-        return sum(identified(self._one, self._seen), self._none)
+        return sum(identified(self._one, self._seen), estimates_of(self._one, self._nothing))
 
     def reading(self, states: Any) -> Array:
         """The states as the function reads them, without noise, (N, size)."""
@@ -209,15 +205,6 @@ class BatchController:
                 seen = stone or NO_STONE
                 row["stone"][i] = seen.index, seen.l_min, seen.l_max, seen.height
 
-    def _keep(self, seen: Array, stood: Array, robots: list[int]) -> None:
-        """Keeps, of what is seen, what a second look at the same tick must know."""
-        f = self._one.functions
-        kept = seen[:, f.scene.places["kept"][0]]
-        rows = {name: kept[:, f.kept.places[name][0]] for name in BEGUN}
-        rows |= {name: stood[:, f.stand.places[name][0]] for name in ("last_tick", "torque", "held")}
-        for name, values in rows.items():
-            self._rows.memory[robots, f.memory.places[name][0]] = values[robots]
-
     def _errors(self, states: Any, refused: Array) -> dict[int, str]:
         """What the controller refuses, by robot."""
         if not refused.any():
@@ -228,7 +215,7 @@ class BatchController:
             errors[i] = f"controller error: {self._why_refused(state, int(refused[i]))}"
         return errors
 
-    def decide(self, scene: BatchScene, estimates: Estimates | None = None, omega: Array | None = None) -> BatchOutput:
+    def decide(self, scene: BatchScene, estimates: Estimates | None = None) -> BatchOutput:
         """The torques at these scenes, from all estimators; `estimates` take the place of the policy's."""
         start, rows, f, n = perf_counter(), self._rows, self._one.functions, self._n
         parts, total = self._estimated(scene, estimates)
@@ -236,7 +223,7 @@ class BatchController:
             with refusing(scene.errors, i):
                 self._one.check_estimates(total)
         row = self._take(total)
-        omega = self._noise() if omega is None else omega
+        omega = self._noise()
         acted, solver, status = self._solved()
         known = [i for i in range(n) if i not in scene.errors]
         rows.memory[known] = acted[known, f.acted.places["memory"][0]]
@@ -281,28 +268,23 @@ class BatchController:
         return rows.finish()
 
     def _estimated(self, scene: BatchScene, learned: Estimates | None) -> tuple[list[Estimates], Estimates]:
-        """The estimates of the policy, by default as it says, and of the identified robot; and their sum."""
-        policy = self.policies[0]
-        adapted, nothing = identified(self._one, self._seen), estimates_of(self._one, self._nothing)
-        if policy.comes_last or (learned is None and isinstance(policy, ZeroPolicy)):
-            learned = nothing
-        elif learned is None and isinstance(policy, LearnedPolicy) and len(set(map(id, self.policies))) == 1:
+        """The estimates of the policies, by default as they say, and of the identified robot; and their sum."""
+        policy, is_shared = self.policies[0], len(set(map(id, self.policies))) == 1
+        adapted, before = identified(self._one, self._seen), self.identified()
+        if learned is None and is_shared and isinstance(policy, LearnedPolicy):
             learned = policy.act_of_many(scene.observation, scene.seen.LgV)
+        elif learned is None and is_shared and isinstance(policy, ResidualPolicy):
+            learned = policy.of_many(self._memory, scene, before)
         elif learned is None:
-            learned = self._asked(scene)
-        parts, total = [learned, *adapted], sum(adapted, self._none + learned)
-        if isinstance(policy, ResidualPolicy):
-            parts[0] = policy.of_many(self._memory, scene, total)
-            total = total + parts[0]
-        return parts, total
+            learned = self._asked(scene, before)
+        return [learned, *adapted], before + learned
 
-    def _asked(self, scene: BatchScene) -> Estimates:
+    def _asked(self, scene: BatchScene, before: Estimates) -> Estimates:
         """The estimates of each robot's policy; nothing where a policy refuses its scene."""
-        nothing = self._one.qp.no_error()
-        estimates = [nothing] * self._n
+        estimates = [self._one.qp.no_error()] * self._n
         for i, policy in enumerate(self.policies):
             with refusing(scene.errors, i):
-                estimates[i] = policy.estimate(scene[i], nothing)
+                estimates[i] = policy.estimate(scene[i], before[i])
         return Estimates.of_many(estimates)
 
     def _why_refused(self, state: RobotState, kind: int) -> str:

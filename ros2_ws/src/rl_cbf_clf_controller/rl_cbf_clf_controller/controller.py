@@ -66,9 +66,8 @@ class OneRobot(ControllerParts):
         """
         f, is_inside, policy = self.functions, self.solvers[0] == "daqp", self.robots.policies[0]
         after = (f.decide,) if is_inside else (f.data, f.finish)
-        seeing = (f.look,) if self.robots.only_policy() else (f.stand, f.see)
         is_one = is_inside and type(policy) is ZeroPolicy
-        for function in (f.step,) if is_one else (*seeing, *after):
+        for function in (f.step,) if is_one else (f.look, *after):
             function.compile(wait)
         if isinstance(policy, ActorPolicy):
             NETWORK.compile(wait)
@@ -78,7 +77,7 @@ class OneRobot(ControllerParts):
         self.act(state)
         return self.output()
 
-    def act(self, state: RobotState) -> Acted:
+    def act(self, state: RobotState) -> Acted | ControllerOutput:
         """What acts in one tick: all that the robot waits for.
 
         Raises:
@@ -183,23 +182,14 @@ class Controller(OneRobot):
         self.step(RobotState(0, *self._start, np.zeros((2, 2)), np.zeros(2, dtype=bool), 0, stone))
         self.reset(0)
 
-    def act(self, state: RobotState) -> Acted:
-        self._seen: BatchScene | None = None
-        return super().act(state)
-
-    def see(self, state: RobotState) -> str:
-        """Take a state in: which leg stands, the step's outputs, `scene`. Why the episode must end, or nothing."""
-        self._seen = sound(self.robots.look(checked(state)))
-        return self._seen.faults.get(0, "")
-
     def look(self, state: RobotState) -> Scene:
-        """What is seen of a state, with the present stance leg; the next tick does not know of it."""
-        return sound(self.robots.look(checked(state), is_kept=False))[0]
+        """What is seen of a state; the next tick does not know of it."""
+        return sound(self.robots.look(checked(state)))[0]
 
     @property
     def scene(self) -> Scene:
         """The scene of the last tick."""
-        return (self._seen or self._output.scene)[0]
+        return self._output.scene[0]
 
 
 def checked(state: RobotState, sizes: Mapping[str, int] = READING) -> RobotState:

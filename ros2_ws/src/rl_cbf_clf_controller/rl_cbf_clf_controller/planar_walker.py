@@ -35,7 +35,7 @@ from rl_cbf_clf_controller.planar_robot import PinnedRobot, rotated
 from rl_cbf_clf_controller.robot_numbers import read_robot
 from rl_cbf_clf_controller.step_paths import StepPath
 from rl_cbf_clf_controller.stone_barriers import stone_barriers
-from rl_cbf_clf_controller.virtual_constraints import Angles, OutputExpressions, VirtualConstraints
+from rl_cbf_clf_controller.virtual_constraints import POWERS, Angles, OutputExpressions, path_row, path_scale
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -188,7 +188,6 @@ class PlanarWalker:
         self.outputs = sorted(rows, key=lambda name: (rows[name][::-1].tolist(), name))  # not as the file has them
         self.angles = Angles(np.array([rows[name] for name in self.outputs]), self._row(file.phase))
         self.path = StepPath(np.array([file.path[name] for name in self.outputs]), *file.phase_range)
-        self.constraints = VirtualConstraints(self.path, self.angles)
 
     def _of_robot(self) -> dict[str, ca.SX]:
         """The parameters of `PinnedRobot`; the payload is where the torso has its centre of mass."""
@@ -234,7 +233,7 @@ class PlanarWalker:
         file, system, robot = self.file, self.system, self.robot
         outputs = OutputExpressions(robot.q, robot.dq, self.angles)
         symbols = ca.vertcat(packed(outputs.path), outputs.parameters["phase_scale"])
-        numbers = ca.SX([*self.constraints.row, *self.constraints.scale])
+        numbers = ca.SX([*path_row(self.path), *path_scale(self.path)])
         along = outputs.along_path([outputs.y, outputs.phase])
         y, phase = (ca.substitute(expression, symbols, numbers) for expression in along)
         seen = ca.vertcat(y, system.derivative(y), phase, system.derivative(phase))
@@ -285,7 +284,8 @@ class PlanarWalker:
     def start(self) -> tuple[list[float], list[float]]:
         """The least and the greatest first state: the path's first one, and the file's `spread` around it."""
         file, (begin, end) = self.file, self.file.phase_range
-        value, slope, _ = self.constraints.desired(0.0)
+        powers = path_row(self.path)[: len(self.outputs) * POWERS].reshape(-1, POWERS)  # of the phase, which is 0
+        value, slope = powers[:, 0], powers[:, 1]
         q = self.angles.coordinates(value, begin)
         dq = file.phase_rate * self.angles.coordinates(slope, end - begin)
         room = np.concatenate([[0.0], np.full(len(q), file.spread[0]), [0.0], file.spread[1] * np.abs(dq)])

@@ -14,7 +14,6 @@ all that a controller without barriers and force rows has a use for.
 """
 
 from abc import ABC, abstractmethod
-from typing import ClassVar
 
 import casadi as ca
 import numpy as np
@@ -34,17 +33,15 @@ STONE_WIDTH = 0.05  # m, of the stones that the paper trains on
 class Policy(ABC):
     """Learned, an oracle's, yours; its `version` is echoed with every torque.
 
-    `adaptation` names the one that its estimates add to; None: they fit any. `comes_last`: it is asked with the
-    estimates of the identified robot.
+    `adaptation` names the one that its estimates add to; None: they fit any.
     """
 
     version: str
     adaptation: str | None = None
-    comes_last: ClassVar[bool] = False
 
     @abstractmethod
     def estimate(self, scene: Scene, before: Estimates) -> Estimates:
-        """Alpha and beta of every quantity, to be added to those `before`; called once a tick."""
+        """Alpha and beta of every quantity, to be added to the identified robot's, `before`; called once a tick."""
 
     def reset(self) -> None:  # noqa: B027  most keep nothing
         """Begin an episode: forget what the last one taught."""

@@ -60,7 +60,6 @@ class ResidualPolicy(Policy):
     """A policy that is asked after the identified robot, and moves the objective's centre."""
 
     adaptation = "identification"
-    comes_last = True
     tick_seconds = TICK_SECONDS  # with which it was trained
 
     def __init__(self) -> None:

@@ -4,7 +4,6 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import NumpyFunction, Values
 from rabbit_description.state import Array, Leg
@@ -52,11 +51,6 @@ class Scene:
     def LgV(self) -> Array:
         """V-dot's slope over mu (4,)."""
         return self.seen.LgV
-
-    @property
-    def output_dynamics(self) -> Affine:
-        """The nominal y'' (4,), affine in the torque."""
-        return Affine(self.seen.outputs_a, self.seen.outputs_b)
 
     def error_of(self, robot: Array) -> Estimates:
         """By how much the quantities of another `robot`, its numbers as a row, differ from the nominal ones."""

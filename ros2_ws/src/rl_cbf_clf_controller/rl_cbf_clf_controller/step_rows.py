@@ -14,13 +14,11 @@ class StepRows:
         self.memory, self.reading = np.tile(first, (n, 1)), np.zeros((n, f.reading.size))
         self.settings, gaits = np.zeros((n, f.settings.size)), np.tile(f.gaits, (n, 1))
         arrays = self.memory, self.reading, self.settings
-        self.stand = Bound(f.stand, *arrays)
-        self.see = Bound(f.see, *arrays, gaits, self.stand.row)
-        self.look = Bound(f.look, *arrays, gaits, row=self.see.row)
+        self.look = Bound(f.look, *arrays, gaits)
         self.step = Bound(f.step, *arrays, gaits)
         self.estimates = np.zeros((n, f.estimates.size))
-        self.decide = Bound(f.decide, self.reading, self.settings, self.see.row, self.estimates)
-        self.data = Bound(f.data, self.see.row, self.estimates)
+        self.decide = Bound(f.decide, self.reading, self.settings, self.look.row, self.estimates)
+        self.data = Bound(f.data, self.look.row, self.estimates)
         self.x, self.y, self.tolerance = (np.zeros((n, f.finish.function.numel_in(i))) for i in ("x", "y", "tolerance"))
         answer = self.data.row, self.x, self.y, self.tolerance
-        self.finish = Bound(f.finish, self.reading, self.settings, self.see.row, *answer)
+        self.finish = Bound(f.finish, self.reading, self.settings, self.look.row, *answer)

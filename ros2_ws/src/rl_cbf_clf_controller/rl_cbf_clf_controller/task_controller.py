@@ -19,7 +19,7 @@ from rabbit_description.validation import one_of
 
 from rl_cbf_clf_controller.batch_controller import BatchController
 from rl_cbf_clf_controller.controller import OneRobot
-from rl_cbf_clf_controller.controller_output import NOTHING, ControllerOutput
+from rl_cbf_clf_controller.controller_output import NOTHING, Acted, ControllerOutput
 from rl_cbf_clf_controller.policy import ActorPolicy, LearnedPolicy, Policy, ZeroPolicy
 from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.scene import Scene
@@ -207,11 +207,11 @@ class TaskController(OneRobot):
         self.step(TaskSimulation(self.task).reset(0))
         self.reset(0)
 
-    def step(self, state: RobotState) -> ControllerOutput:
-        """One tick: the input, and all that others read of it; raises whatever a controller of the task raises."""
+    def act(self, state: RobotState) -> Acted | ControllerOutput:
+        """What acts in one tick; raises whatever a controller of the task raises."""
         controller = self.brought.get(self.policy) if isinstance(self.policy, str) else None
         self._without_qp = self._decided_by(controller, state) if controller else None
-        return self._without_qp or super().step(state)
+        return self._without_qp or super().act(state)
 
     def output(self) -> ControllerOutput:
         """All of the last tick."""

@@ -12,7 +12,9 @@ import pytest
 from cbf_clf_qp import Barrier, Clf, Estimates, Rows, System, Terms, Tick, at_most
 from rabbit_description import DEFAULT_GAIT
 from rabbit_description.gait import load_gait
+from rabbit_description.robot_states import RobotStates
 from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, Leg, StonePreview
+from rl_cbf_clf_controller.batch_controller import BatchController
 from rl_cbf_clf_controller.explanation import Explanation, explain
 from rl_cbf_clf_controller.policy import Policy
 from rl_cbf_clf_controller.scene import ControllerError
@@ -376,3 +378,23 @@ def test_random_rows_have_a_certificate_and_every_proper_subset_a_solution() -> 
             assert excludes(every_A, limited) == (factor < told.factor)
         found.add((len(chosen), told.factor < np.inf))
     assert {(0, True), (1, False), (2, True), (3, True), (4, True), (2, False)} <= found
+
+
+def test_robots_with_policies_of_their_own_walk_as_alone():
+    """Whichever comes first."""
+    policies = make().policy, FixedPolicy(np.full((5, 4), 0.1), np.full(5, 5.0))
+    alone = [make(policy=policy).step(state()) for policy in policies]
+    for order in ((0, 1, 0), (1, 0, 0)):
+        output = BatchController(make(), [policies[i] for i in order]).step(RobotStates.of([state()] * 3))
+        for robot, i in enumerate(order):
+            assert np.array_equal(output[robot].beta, alone[i].beta)
+            assert np.array_equal(output[robot].mu, alone[i].mu)
+
+
+def test_noise_ends_with_sigma_also_where_robots_have_gone_meanwhile():
+    robots = BatchController(walking := make(sigma=50.0), [walking.policy] * 2)
+    robots.step(RobotStates.of([state()] * 2))
+    robots.set_parameters(make().parameters)
+    robots.keep(np.array([1]))
+    output = robots.step(RobotStates.of([state(tick=1)]))[0]
+    assert np.array_equal(output.mu, output.mu_qp)

@@ -17,12 +17,12 @@ from rabbit_description.planar_urdf import scaled
 from rl_cbf_clf_controller.kinds import find_kind
 from rl_cbf_clf_controller.oracle import OraclePolicy, TruePlant
 from rl_cbf_clf_controller.parameters import load_parameters
-from rl_cbf_clf_controller.virtual_constraints import VirtualConstraints
 from rl_cbf_clf_controller.walking import Walking
 from rl_cbf_clf_controller.worst_case import worst_cases
 from walking_states import make_controller, state_of
 
 PinocchioModel = pytest.importorskip("rabbit_gait_design.pinocchio_model", reason="no studies").PinocchioModel
+VirtualConstraints = pytest.importorskip("rabbit_gait_design.path_outputs", reason="no studies").VirtualConstraints
 NONE = Estimates.zero(5, 4)
 GAIT = load_gait("authors_035")
 SCALE = 2.0

@@ -7,9 +7,10 @@ from rabbit_description.gait import load_gait, load_gaits
 from rabbit_description.state import TICK_SECONDS
 from rl_cbf_clf_controller.robot_numbers import read_robot
 from rl_cbf_clf_controller.state_prediction import MOST, prediction_function
-from rl_cbf_clf_controller.virtual_constraints import FADING, VirtualConstraints
+from rl_cbf_clf_controller.virtual_constraints import FADING
 from scipy.interpolate import BPoly
 
+VirtualConstraints = pytest.importorskip("rabbit_gait_design.path_outputs", reason="no studies").VirtualConstraints
 GAIT = load_gait("authors_035")
 H = 1e-6
 

@@ -20,10 +20,11 @@ from rl_cbf_clf_controller.robot_numbers import Feet, read_robot
 from rl_cbf_clf_controller.step_begin import HIGHER, kept_at_first, step_functions
 from rl_cbf_clf_controller.step_landing import DEPTH, LATE
 from rl_cbf_clf_controller.step_paths import GaitExpressions, Shape, gait_row
-from rl_cbf_clf_controller.virtual_constraints import RABBIT_ANGLES, VirtualConstraints, output_functions
+from rl_cbf_clf_controller.virtual_constraints import RABBIT_ANGLES
 
+path_outputs = pytest.importorskip("rabbit_gait_design.path_outputs", reason="no studies")
 ROBOT, NONE = read_robot(), np.full(3, np.nan)
-OUTPUTS, _, DESIRED = output_functions(RABBIT_ANGLES)
+OUTPUTS, _, DESIRED = path_outputs.output_functions(RABBIT_ANGLES)
 SLOPED = [name for name in shipped(LIBRARIES) if len(load_gaits(name).slopes) > 1]
 SEEDS = st.integers(0, 2**16)
 ROUNDING, H = 1e-15, 1e-6  # of q; of the phase
@@ -181,7 +182,7 @@ def test_in_c_it_is_the_same_to_the_bit(name, tmp_path):
 @pytest.mark.parametrize("since", [-0.3, -0.01, 0.0, 0.02, 0.3, 0.5, 0.9, 1.0, 1.02, 1.4])
 def test_desired_outputs_are_smooth_within_a_step_and_beyond_its_ends(slopes, since):
     """Along a motion each derivative is the slope of the one before it."""
-    (q, dq), outputs = np.split(slopes.landed(0), 2), VirtualConstraints(slopes.singles[0])
+    (q, dq), outputs = np.split(slopes.landed(0), 2), path_outputs.VirtualConstraints(slopes.singles[0])
     found = slopes.begin(slopes.landed(0), np.array([0.42, 0.47, 0.0]))
     outputs.row, outputs.scale = found["path"], found["phase_scale"]
     rate = outputs.evaluate(q, dq).phase_rate

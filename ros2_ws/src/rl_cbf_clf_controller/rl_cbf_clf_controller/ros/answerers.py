@@ -1,7 +1,6 @@
 """Who answers the states that the controller's node takes in: RABBIT's controller, or a control task's."""
 
 import math
-from abc import ABC, abstractmethod
 from functools import partial
 from typing import Any
 
@@ -22,7 +21,7 @@ from rl_cbf_clf_controller.ros.policies import ZERO, CheckedPolicy, Fit
 from rl_cbf_clf_controller.task_controller import NOMINAL, ORACLE, TaskController
 
 
-class Answerer(ABC):
+class Answerer:
     """Answers with a controller. `built_in`: its policies by name; `fit`: what it makes of a policy's file."""
 
     controller: Controller | TaskController
@@ -41,9 +40,9 @@ class Answerer(ABC):
             self.is_new = False
             self.controller.rehearse()
 
-    @abstractmethod
     def act(self, state: RobotState) -> Acted | ControllerOutput:
         """What acts: of a user's code any error may be raised."""
+        return self.controller.act(state)
 
     def state_fields(self) -> dict[str, Any]:
         """The fields of `ControllerState`."""
@@ -69,9 +68,6 @@ class RabbitAnswerer(Answerer):
         self.built_in = {ZERO: CheckedPolicy(ZERO, "built in", zero)}
         self.fit: Fit = partial(fitted, parameters=parameters, gaits=gaits)
         self.controller = Controller(parameters, gaits, zero)
-
-    def act(self, state: RobotState) -> Acted:
-        return self.controller.act(state)
 
     def figures(self) -> dict[str, object]:
         output = self.controller.output()
@@ -104,9 +100,9 @@ class TaskAnswerer(Answerer):
         self.controller.sigma = 0.0 if math.isnan(episode.sigma) else episode.sigma
         super().begin(episode)
 
-    def act(self, state: RobotState) -> ControllerOutput:
+    def act(self, state: RobotState) -> Acted | ControllerOutput:
         """What a controller that a task brings raises becomes a ValueError of one line."""
         try:
-            return self.controller.step(state)
+            return super().act(state)
         except Exception as error:
             raise ValueError(fault_in_user_code(error) or str(error)) from error

@@ -141,6 +141,7 @@ class RobotControllerNode(CheckedNode):
             response.message = missing
             return response
         self._paused, self._fault, response.success = request.data, "", True
+        self._ticks += bool(self._ticks)  # so that nothing is measured from the last tick before the pause
         self._send(np.zeros_like(self._wanted))
         return response
 
