@@ -91,7 +91,7 @@ class LostError(EstimatorError):
 class ContactAidedFilter:
     """One robot's state, tick by tick: `update` takes what its sensors say and fills in `q` and `dq`.
 
-    `settings`: the parameters as a row. `found`: what `estimate_state` gave of the last tick, from `tick`, -1 before
+    `settings`: the parameters as a row. `belief`: what `estimate_state` gave of the last tick, from `tick`, -1 before
     the first, to `refused`. One filter serves one thread.
     """
 
