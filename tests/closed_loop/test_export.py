@@ -114,7 +114,11 @@ def test_a_call_says_what_is_wrong_and_a_tick_calls_nothing_that_waits(tmp_path:
 
 
 @pytest.mark.parametrize(
-    ("name", "value"), [("motor_lag", 0.02), ("push", 5.0), ("friction_spread", 0.2), ("loose_stone", 1)]
+    ("name", "value"),
+    [
+        *(("motor_lag", 0.02), ("push", 5.0), ("friction_spread", 0.2), ("loose_stone", 1), ("link_bend", 0.05)),
+        *(("leg_stretch", 1.03), ("sole_radius", 0.05), ("stone_placement", "absolute"), ("tick_seconds", 0.005)),
+    ],
 )
 def test_a_plant_that_the_example_lacks_is_refused(name: str, value: float) -> None:
     check_plant(SimulationParameters(plant="mujoco", payload=10.0, ground_friction=0.8, sensors="lab"))

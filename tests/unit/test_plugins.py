@@ -133,7 +133,7 @@ BALL = EXAMPLES / "ball_on_beam.py"
     ],
 )
 def test_an_error_in_a_task_names_file_and_line(tmp_path: Path, old: str, new: str, said: str) -> None:
-    path = tmp_path / "cart.py"
+    path = tmp_path / "rabbit_cart.py"  # no package of ours
     assert old in CART
     path.write_text(CART.replace(old, new))
     with pytest.raises(TaskError) as error:
@@ -145,6 +145,12 @@ def test_an_error_in_a_task_names_file_and_line(tmp_path: Path, old: str, new: s
     assert result.exit_code == 2
     assert result.output.count("\n") == 1
     assert said.rstrip("`") in result.output
+
+
+def test_a_task_may_define_a_dataclass_whose_annotations_are_text(tmp_path: Path) -> None:
+    path = tmp_path / "cart.py"
+    path.write_text(f"from dataclasses import dataclass\n@dataclass\nclass Cart:\n    mass: 'float' = 1.0\n{CART}")
+    assert load_task(str(path)).name == "cart"
 
 
 def test_a_barrier_of_degree_4_is_kept_by_the_oracle_and_nothing_is_learned_of_it() -> None:

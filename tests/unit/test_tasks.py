@@ -18,7 +18,7 @@ from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.estimates import Estimates
 from own_cart import CART, LIMIT, POLE
 from rabbit_command import invoke
-from rabbit_description.task import ControlTask, TaskError
+from rabbit_description.task import ControlTask, Impact, TaskError
 from rabbit_description.task_simulation import TaskSimulation
 from rabbit_description.task_source import load_task
 from rabbit_experiments.cache import Cache
@@ -106,6 +106,9 @@ def test_the_state_after_the_last_tick_counts(task, tmp_path):
         ({"seconds": 0.0}, "seconds = 0.0"),
         ({"limit": (1.0, 2.0)}, "limit = (1.0, 2.0)"),
         ({"coordinates": ("a", "b", "c")}, "coordinates = "),
+        ({"coordinates": ("a", "a")}, "expected names that differ"),
+        ({"impact": Impact(ca.SX(1), ca.SX(2, 1), held=ca.SX(2, 1))}, "held has 2 components; expected 1"),
+        ({"inputs": ("a", "b")}, "inputs = ('a', 'b'): expected names of 1 components"),
     ],
 )
 def test_what_does_not_fit_is_named(task, change, text):

@@ -63,18 +63,19 @@ def test_a_studys_command_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch
 @pytest.mark.parametrize(
     ("library", "words", "line"),
     [
-        ("torch", ("train",), "torch is not installed: pip install 'rl_trainer[learn]'; in a checkout make torch"),
+        ("torch", ("train", "--out", "out"), "pip install 'rl_trainer[learn]'; in a checkout make torch"),
         ("torch", ("walk", "--trainer"), "pip install 'rl_trainer[learn]'; in a checkout make torch"),
         ("mujoco", ("evaluate", "--plant", "mujoco"), "which is not installed: pip install 'rabbit_sim[mujoco]'"),
+        ("pybullet", ("play", "--plant", "pybullet"), "which is not installed: pip install 'rabbit_sim[pybullet]'"),
     ],
 )
 def test_a_library_that_pip_leaves_out_is_named(
     library: str, words: tuple[str, ...], line: str, tmp_path: Path
 ) -> None:
     script = f"import sys; sys.modules[{library!r}] = None; from rabbit_bringup.cli import main; main()"
-    command = [sys.executable, "-c", script, *words, "--out", str(tmp_path / "out")]
-    refused = subprocess.run(command, capture_output=True, text=True, timeout=120)
-    assert (refused.returncode, refused.stderr.count("\n")) == (2, 1)
+    command = [sys.executable, "-c", script, *words]
+    refused = subprocess.run(command, capture_output=True, text=True, timeout=120, cwd=tmp_path)
+    assert (refused.returncode, refused.stdout, refused.stderr.count("\n")) == (2, "", 1)
     assert refused.stderr.startswith("rabbit: ")
     assert refused.stderr.endswith(f"{line}\n")
 

@@ -176,8 +176,15 @@ class ControlTask:
             raise TaskError("parameters of the system: expected numbers, one symbol each")
         if self.coordinates and n not in (len(self.coordinates), 2 * len(self.coordinates)):
             raise TaskError(f"coordinates = {self.coordinates}: expected names of {n} or half as many components")
-        if self.impact and self.impact.after.shape != self.system.x.shape:
-            raise TaskError(f"impact: after has {self.impact.after.numel()} components; expected {n}")
+        if self.inputs and len(self.inputs) != self.system.u.numel():
+            raise TaskError(f"inputs = {self.inputs}: expected names of {self.system.u.numel()} components")
+        for name, names in (("coordinates", self.coordinates), ("inputs", self.inputs)):
+            if len(set(names)) < len(names):
+                raise TaskError(f"{name} = {names}: expected names that differ")
+        for name, of in (("after", self.system.x), ("held", self.system.u)):
+            jump = getattr(self.impact, name, None)
+            if jump is not None and jump.shape != of.shape:
+                raise TaskError(f"impact: {name} has {jump.numel()} components; expected {of.numel()}")
         if self.impacts is not None and (self.impact is None or self.impacts < 1):
             raise TaskError(f"impacts = {self.impacts}: expected 1 or more, and an impact")
         self.parameters_at({}, self.beginning(0)[1](0.0, 0))

@@ -1,6 +1,7 @@
 """Where a task comes from: a Python file, a walker's data file, or a package that brings it under a name."""
 
 import importlib.util
+import sys
 from pathlib import Path
 
 from rabbit_description import plugins
@@ -53,11 +54,14 @@ def _loaded(source: str) -> ControlTask:
         raise TaskError(f"{source}: no such file")
     if path.suffix == ".yaml":
         return plugins.load(FILES, "yaml")(path)
-    spec = importlib.util.spec_from_file_location(path.stem, path)
+    spec = importlib.util.spec_from_file_location(f"task {path.stem}", path)  # no package has such a name
     assert spec
     assert spec.loader
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
+    module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)  # where `dataclass` looks for it
+    try:
+        spec.loader.exec_module(module)
+    finally:
+        del sys.modules[spec.name]
     tasks = [value for value in vars(module).values() if isinstance(value, ControlTask)]
     if len(tasks) != 1:
         raise TaskError(f"{source}: {len(tasks)} objects of ControlTask; expected one")

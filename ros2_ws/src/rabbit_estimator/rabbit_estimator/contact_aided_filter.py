@@ -31,13 +31,13 @@ from dataclasses import replace
 from functools import cache
 from itertools import accumulate, pairwise
 from math import factorial, sqrt
-from threading import local
+from threading import get_ident
 from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
 import numpy as np
-from cbf_clf_qp.functions import Layout, NumpyFunction, Place, building, is_finite, one_at_a_time, symmetric
+from cbf_clf_qp.functions import Layout, NumpyFunction, Place, is_finite, one_at_a_time, symmetric
 from rabbit_description.planar_urdf import SLIDES
 from rabbit_description.state import FEET, JOINTS, LEG_JOINTS, TICK_SECONDS, Array, BodySensors, RobotState
 
@@ -91,7 +91,7 @@ class LostError(EstimatorError):
 class ContactAidedFilter:
     """One robot's state, tick by tick: `update` takes what its sensors say and fills in `q` and `dq`.
 
-    `settings`: the parameters as a row. `found`: what `estimate_state` gave of the last tick, from `tick`, -1 before
+    `settings`: the parameters as a row. `belief`: what `estimate_state` gave of the last tick, from `tick`, -1 before
     the first, to `refused`. One filter serves one thread.
     """
 
@@ -136,25 +136,19 @@ def sensors_row(state: RobotState, sensors: BodySensors) -> Array:
     return np.hstack([state.tick, state.foot_force.ravel(), state.contact, *said])
 
 
-class OfThread(local):
-    """What a thread computes with: `estimate_state`, once it is made."""
-
-    function: NumpyFunction | None = None
-
-
-of_thread = OfThread()
-
-
 def estimate_state() -> NumpyFunction:
     """The function of `MEMORY`, `SENSORS` and `SETTINGS` that gives `MEMORY` after the tick, `q`, `dq` and a report.
 
     The report is `nis`, the normalised innovation squared, of so many numbers `measured`, and `refused`: 0, or why the
     tick does not count. Tick 0 begins an episode. Each thread has one of its own.
     """
-    if of_thread.function is None:
-        with building():
-            of_thread.function = NumpyFunction(*estimation())
-    return of_thread.function
+    return _of_thread(get_ident())
+
+
+@cache
+@one_at_a_time
+def _of_thread(_: int) -> NumpyFunction:
+    return NumpyFunction(*estimation())
 
 
 @cache

@@ -87,14 +87,14 @@ class PybulletPlant(EnginePlant):
         self._joints = [index[name] for name in COORDINATES]
         self._torso = index["base_pitch"]  # a link has its joint's number
         self._motors = [index[name] for name in ACTUATED]
-        self._foot_of_link = {index["left_ankle"]: Leg.LEFT, index["right_ankle"]: Leg.RIGHT}
+        self._feet_links = [index["left_ankle"], index["right_ankle"]]
         free = [*self._joints, *(index[name] for name in attached)]  # no motor of PyBullet's own
         self._client.setJointMotorControlArray(self._robot, free, pybullet.VELOCITY_CONTROL, forces=[0.0] * len(free))
         for link in range(-1, len(infos)):  # one change a call: PyBullet drops some when several come together
             self._client.changeDynamics(self._robot, link, linearDamping=0.0)
             self._client.changeDynamics(self._robot, link, angularDamping=0.0)
             self._client.changeDynamics(self._robot, link, jointDamping=0.0)
-        for link in self._foot_of_link:
+        for link in self._feet_links:
             self._set_surface(self._robot, link, self._parameters.ground_friction)
             stiffness, damping = self._parameters.ground_stiffness, self._parameters.ground_damping
             self._client.changeDynamics(self._robot, link, contactStiffness=stiffness, contactDamping=damping)
@@ -105,9 +105,7 @@ class PybulletPlant(EnginePlant):
         return index
 
     def set_friction(self, leg: Leg, coefficient: float) -> None:
-        for link, foot in self._foot_of_link.items():
-            if foot == leg:
-                self._set_surface(self._robot, link, coefficient)
+        self._set_surface(self._robot, self._feet_links[leg], coefficient)
 
     def _set_surface(self, body: int, link: int, friction: float) -> None:
         """PyBullet multiplies the friction of the two bodies, so a stone's is 1."""
@@ -151,7 +149,7 @@ class PybulletPlant(EnginePlant):
     def _contact_forces(self) -> list[list[float]]:
         force = [[0.0, 0.0], [0.0, 0.0]]
         for point in self._client.getContactPoints(bodyA=self._robot):
-            foot = force[self._foot_of_link[point[3]]]
+            foot = force[self._feet_links.index(point[3])]
             normal, first, second = point[7], point[11], point[13]
             foot[0] += point[9] * normal[0] + point[10] * first[0] + point[12] * second[0]
             foot[1] += point[9] * normal[2] + point[10] * first[2] + point[12] * second[2]

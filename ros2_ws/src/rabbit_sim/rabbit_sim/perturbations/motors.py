@@ -183,21 +183,16 @@ class MotorLag(Perturbation):
         Control("motor lag", 0.001, "s", high=0.05, first=True),
     )
 
-    def responses(self, substeps: int) -> tuple[Array, Array, Array]:
-        """`response` for N robots."""
-        parts = zip(*(response(float(lag), substeps) for lag in np.ravel(self.motor_lag)), strict=True)
-        from_torque, from_drive, mean = map(np.array, parts)
-        return from_torque[:, :, None], from_drive, mean[:, None, None]
-
     def remembered(self) -> int:
         return 1
 
     def drive(self, torques: Array, state: Array) -> Array:
-        from_torque, from_drive, mean = self.responses(torques.shape[1])
-        ends = from_torque * state + from_drive @ torques
+        responses = (response(float(lag), torques.shape[1]) for lag in np.ravel(self.motor_lag))
+        from_torque, from_drive, mean = map(np.array, zip(*responses, strict=True))
+        ends = from_torque[:, :, None] * state + from_drive @ torques
         starts = np.concatenate([state, ends[:, :-1]], axis=1)
         state[:] = ends[:, -1:]
-        return torques + mean * (starts - torques)
+        return torques + mean[:, None, None] * (starts - torques)
 
 
 @lru_cache(maxsize=4096)

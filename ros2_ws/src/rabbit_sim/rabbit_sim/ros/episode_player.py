@@ -3,11 +3,11 @@
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import Protocol
 
 from rabbit_common.message_checks import Refused, check_turn
 from rabbit_common.ros.conversions import header, set_time, torque_of
-from rabbit_description.state import Array, RobotLayout, RobotState
+from rabbit_description.state import Array, RobotState
+from rabbit_description.task_simulation import TaskSimulation
 from rabbit_msgs.msg import Episode, TorqueCommand
 from rclpy.node import Node
 
@@ -17,28 +17,10 @@ from rabbit_sim.restart_file import RestartFile
 from rabbit_sim.ros.live_controllers import REPEAT_SECONDS, ControllerAdmission, Wait
 from rabbit_sim.ros.publishers import KEPT, Publishers, episode_of
 from rabbit_sim.ros.tick_clock import TickClock
+from rabbit_sim.simulation import Simulation
 
 BY_SERVICE = "by service"  # reason of a reset after which another episode begins at once
-
-
-class Played(Protocol):
-    """What is simulated: RABBIT's `Simulation`, or a task's."""
-
-    layout: RobotLayout
-
-    @property
-    def tick_seconds(self) -> float: ...
-
-    @property
-    def verdict(self) -> tuple[str, str]: ...
-
-    def joint_rates(self, state: RobotState) -> Array: ...
-
-    def reset(self, seed: int) -> RobotState: ...
-
-    def step(self, torque: Array) -> RobotState: ...
-
-    def close(self) -> None: ...
+Played = Simulation | TaskSimulation
 
 
 class EpisodePlayer:

@@ -120,6 +120,8 @@ class SimulatorNode(CheckedNode):
             return response
         self._player.end("reset", BY_SERVICE)
         self._player.begin(request.seed)
+        if self._paused:
+            self._player.announce(Episode.PAUSED)
         response.success, response.episode = True, self._player.episode.episode
         return response
 

@@ -109,7 +109,7 @@ class TaskPublishers(Publishers):
         head = {"header": at, "episode": episode, "tick": state.tick, "sender": self.sender}
         self._parameters.publish(TaskParameters(**head, **parameter_fields(self._task, p_of(state))))
         super()._state(state, episode, at)
-        if self._joints.get_subscription_count():
+        if self.is_heard:
             told = {"position": doubles(state.q), "velocity": doubles(state.dq)}
             self._joints.publish(JointState(header=at, name=list(self._task.names_of_q), **told))
 

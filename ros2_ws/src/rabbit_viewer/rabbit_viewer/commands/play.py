@@ -5,8 +5,9 @@ from pathlib import Path
 import typer
 from pydantic import Field
 from rabbit_common.options import Defaults, Given, complaints, options
+from rabbit_description.plugins import load
 from rabbit_description.validation import Checked
-from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.parameters import PLANTS, SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
 from rabbit_viewer.page import PORT, PageError
@@ -49,6 +50,7 @@ def play(given: Given) -> None:
     given = given.over({"mass_scale": 2.0}) if chosen.learn else given
     yours = your_own(given, chosen)
     plant = given.build(SimulationParameters, terrain=yours.controller.terrain if yours else "stones")
+    load(PLANTS, plant.plant)  # refused before the page has an address
     with complaints():
         controller = ControllerParameters.model_validate(given.of(ControllerParameters, but=YOUR_OWN))
     with complaints(PageError, PlayError, VideoError):
