@@ -118,6 +118,22 @@ def test_late_measurements_are_of_the_past_at_most_so_old() -> None:
     assert {*ages[3:]} == {float(age) for age in range(16)}
 
 
+def test_late_rates_have_their_noise() -> None:
+    """The angles, which have none, say how old a measurement is; its rates are off by the noise."""
+    noisy = SimulationParameters(sensor_jitter=0.005, velocity_noise=0.1)
+    simulation = Simulation(noisy, load_gait("stones_0350_070"))
+    state, trace, off = simulation.reset(1), np.zeros((0, 14)), []
+    while state.running and state.tick < 60:
+        state = simulation.step(np.zeros(4))
+        assert simulation.reading.path is not None
+        trace = np.vstack([trace, simulation.reading.path])
+        (age,) = np.flatnonzero((trace[:, :7] == state.q).all(axis=1))
+        off.append(state.dq - trace[age, 7:])
+    simulation.close()
+    assert not np.array(off)[:, :2].any()
+    assert np.std(np.array(off)[:, 2:]) == pytest.approx(0.1, rel=0.2)
+
+
 def test_a_fading_motor_brakes_with_all_its_torque_and_drives_with_less() -> None:
     """At half the no-load speed half the stall torque is left along the motion; at rest all of it."""
     motors, asked = FadingMotors(no_load_speed=10.0), np.array([150.0, -150.0, 150.0, 150.0])

@@ -105,7 +105,7 @@ class Laboratory(Perturbation):
 class SensorJitter(Perturbation):
     """Each measurement's age is drawn from 0 to the oldest in whole ms. A lab's sensors have `sensor_delay` instead."""
 
-    order = 135
+    order = 125  # what is old has noise too
     needs_path = True
 
     sensor_jitter: WholeSubsteps = setting(
