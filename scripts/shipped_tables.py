@@ -106,6 +106,18 @@ def large_table(name: str) -> str:
     return markdown_table([*head, f"all, of {courses(name, *maps):,}"], lines)
 
 
+def no_harm_table() -> str:
+    """Courses of `best` and the tuned nominal controller in PyBullet, on each map and terrain."""
+    name, lines = "no_harm_pybullet", []
+    for terrain in TERRAINS:
+        for region in (*MAPS, "development"):
+            here = partial(walked, name, terrains=(terrain,))
+            counts = here("best", region), here("nominal-tuned", region), courses(name, region, terrains=(terrain,))
+            gain = points(name, "best", "nominal-tuned", region, terrains=(terrain,))
+            lines.append([f"{terrain}: {region}", *(f"{count:,}" for count in counts), gain])
+    return markdown_table(["PyBullet", "`best`", "tuned nominal", "of", "points"], lines)
+
+
 def leaderboard() -> str:
     """The row of `best`, as `rabbit benchmark` writes one."""
     maps = {f"{region}, {terrain}": where(region, terrains=(terrain,)) for terrain in TERRAINS for region in MAPS}

@@ -17,6 +17,7 @@ from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.system import System
 
 HARD = float("inf")  # weight of a row without slack
+LONGEST_NAME = 32  # characters: so many has a name in a message
 Number = ca.SX | float
 
 
@@ -92,6 +93,8 @@ class Terms:
         self.names = tuple(name for quantity in self.quantities for name in quantity.names)
         if len(set(self.names)) < len(self.names):
             raise ValueError(f"quantities {', '.join(self.names)}: expected different names")
+        if len(longest := max(self.names, key=len, default="")) > LONGEST_NAME:
+            raise ValueError(f"quantity {longest}: expected a name of {LONGEST_NAME} characters at most")
         self.outputs = next((quantity.outputs for quantity in self.quantities if quantity.outputs), None)
         if control is None and self.outputs and self.outputs.a.is_square():
             control = self.outputs.inverse()

@@ -191,3 +191,14 @@ def test_a_matrix_is_a_parameter() -> None:
     assert decided.u + matrix @ [0.3, -0.7] == pytest.approx(decided.mu)
     with pytest.raises(ValueError, match=r"parameter A = .*expected numbers of shape \(2, 2\)"):
         tick([0.3, -0.7], A=[1.0, 2.0, 3.0])
+
+
+@pytest.mark.parametrize(
+    ("names", "refused"),
+    [(("wall", "wall"), "expected different names"), (("wall", "w" * 33), "quantity w{33}: expected a name of 32")],
+)
+def test_a_name_that_no_message_could_tell_apart_or_hold_is_refused(names: tuple[str, str], refused: str) -> None:
+    cart = System(ca.vertcat(X, V), U, ca.vertcat(V, U))
+    with pytest.raises(ValueError, match=refused):
+        Tick(cart, [Barrier(name, 1 - X, poles=(8, 8)) for name in names])
+    Tick(cart, [Barrier(name, 1 - X, poles=(8, 8)) for name in ("wall", "w" * 32)])

@@ -7,6 +7,7 @@ neither; then an output has what state and torque tell, and NaN elsewhere.
 from typing import Any
 
 import numpy as np
+from cbf_clf_qp.quantity import LONGEST_NAME
 from rabbit_common.message_checks import Refused, array_of, check_finite, doubles
 from rabbit_description.state import JOINTS, Array, Leg
 
@@ -19,7 +20,7 @@ WORDS = {  # with the most characters that a message holds
     **{"policy_version": 64, "objective": 32, "adaptation": 32},
     **{"solver": 16, "status": 64, "fault": 128},
 }
-MOST_ACTIVE, LONGEST_NAME = 64, 32
+MOST_ACTIVE = 64
 ROWS = ("margins", "slacks", "multipliers")  # of each of the QP's rows
 TERMS = ("mu_qp", "omega", "mu_held", "observation", "identified", "adapted")
 MATRICES, VECTORS = ("nominal_a", "alpha"), ("nominal_b", "measured", "beta")  # over the learned quantities

@@ -4,13 +4,14 @@ from array import array
 from dataclasses import fields
 from typing import Any
 
+from cbf_clf_qp.quantity import LONGEST_NAME
 from rabbit_common.message_checks import Refused, doubles
 from rabbit_common.ros.conversions import state_of, torque_of
 from rabbit_common.ros.qos import EVENT, TICK, WEIGHTS
 from rabbit_description.state import JOINTS, LAYOUT, RobotLayout
 from rabbit_msgs import msg
 from rclpy.node import Node
-from rl_cbf_clf_controller.message_fields import LONGEST_NAME, state_values, terms_values
+from rl_cbf_clf_controller.message_fields import state_values, terms_values
 from rl_cbf_clf_controller.policy import ActorPolicy
 from rl_cbf_clf_controller.problem import Problem
 from std_msgs.msg import Header
