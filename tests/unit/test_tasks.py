@@ -138,6 +138,8 @@ def test_measured_units_hold_the_errors_closed_form(task):
     problem = measured_problem(task, 1)  # u = mu; of y'' and B'' the error is (1/2 - 1) mu, and no beta
     assert problem.alpha_scale == pytest.approx((0.75, 0.75))
     assert max(problem.beta_scale) == pytest.approx(1e-3)
+    with pytest.raises(TaskError, match="cart: the nominal controller's rides end before anything is measured"):
+        measured_problem(replace(task, duration=task.seconds), 1)
 
 
 def test_training_finds_the_error_and_keeps_the_barrier(task, tmp_path):
