@@ -215,8 +215,9 @@ def test_the_commands(cart, task, tmp_path):
     assert float(rows[0]["wall"]) == first.margins[0]
     assert (tmp_path / "e" / "margins.png").is_file()
     words = ("--controller", "oracle", "--rides", 1, "--pictures", "--out", tmp_path / "p")
-    code, said = typed("evaluate", "--task", cart, *words)
-    assert code == 0, said
+    for _ in range(2):  # the second call draws it anew
+        code, said = typed("evaluate", "--task", cart, *words)
+        assert code == 0, said
     pictures = tmp_path / "p" / "oracle"
     assert {path.name for path in pictures.iterdir()} >= {"recording", "rows.png", "ride.mp4"}
     bag = pictures / "recording"
