@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 import rclpy
 from rabbit_common.ros.conversions import encoder_message, header, imu_message, preview_message, state_message
+from rabbit_common.ros.network import StartError
 from rabbit_common.ros.qos import TICK
 from rabbit_description.gait import load_gait
 from rabbit_estimator.ros.node import EstimatorNode
@@ -156,6 +157,13 @@ def begin(node: TrainerNode) -> None:
     callbacks(node)["episode"](bytes(serialize_message(Episode(phase=Episode.WAITING, sigma=math.nan))))
     node._look()
     assert node._started
+
+
+def test_a_second_trainer_is_refused_until_the_first_one_has_ended(ros: None) -> None:
+    with closing_node(TrainerNode()), pytest.raises(StartError, match="another trainer of this machine publishes /ep"):
+        TrainerNode()
+    with closing_node(TrainerNode()) as node:
+        assert not node.failure
 
 
 def test_a_trainer_that_was_led_ahead_goes_back_to_where_the_simulator_stands(ros: None) -> None:

@@ -8,10 +8,12 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 import rclpy
+from rabbit_common.ros.namespace_check import held
 from rclpy.context import Context
 from rclpy.node import Node
 
@@ -133,3 +135,10 @@ def test_a_domain_that_is_none_is_refused_by_all(words: tuple[str, ...], tmp_pat
     assert code == 2
     assert line.endswith("ROS_DOMAIN_ID abc: expected a whole number from 0 to 232")
     assert not (tmp_path / "walk").exists()
+
+
+@pytest.mark.parametrize("name", ["/here", "/long" * 50])
+def test_a_name_is_held_once_until_it_is_closed(name: str) -> None:
+    with closing(held(name)), closing(held(f"{name}/there")), pytest.raises(OSError, match="in use"):
+        held(name)
+    held(name).close()

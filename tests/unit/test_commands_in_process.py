@@ -137,6 +137,8 @@ def test_training_leaves_a_sound_policy_and_goes_on(tmp_path: Path) -> None:
         (("evaluate", *CART, "--controller", "nosuch"), "nosuch"),
         (("evaluate", *CART, "--controller", "nosuch.safetensors"), "nosuch.safetensors"),
         (("evaluate", *CART, "--rides", 1, "--out", "/proc/nosuch"), "/proc/nosuch"),
+        (("train", "--paper-literal", "--learner", "ddpg"), "failure_penalty > 0: expected learner = paper_ddpg; ddpg"),
+        (("train", "--paper-literal", "--failure-penalty", -1), "--failure-penalty -1: expected"),
         (("train", *CART, "--learner", "nosuch"), "--learner nosuch"),
         (("train", *CART, "--out", "/proc/nosuch/p.safetensors"), "/proc/nosuch"),
         (("train", *CART, "--out", "policy.txt"), "policy.txt"),

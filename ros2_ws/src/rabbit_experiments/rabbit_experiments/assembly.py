@@ -42,7 +42,8 @@ class AssemblyError(ValueError):
 class Assembly:
     """What an episode is made of, but for the seed. `policy` is `zero`, `oracle` or the path of a policy file.
 
-    A method with another kind of controller derives from this and names that, or overrides `make_controller`.
+    A method with another kind of controller derives from this and names that, or overrides `make_controller`. One whose
+    controller does not know the plant may override `knows_plant`: walks on other plants then share a controller.
     """
 
     kind: ClassVar[type[Controller]] = Controller
@@ -57,6 +58,11 @@ class Assembly:
         ticks = self.simulation.tick_seconds, self.controller.tick_seconds
         if ticks[0] != ticks[1]:
             raise AssemblyError("tick-seconds", f"{ticks[0]:g} of the plant: expected the controller's, {ticks[1]:g}")
+
+    @property
+    def knows_plant(self) -> bool:
+        """Whether the controller depends on the plant's parameters; that of a method of your own may."""
+        return self.policy == "oracle" or type(self) is not Assembly
 
     @final
     def build(self, further: Further = nothing_further) -> tuple[Simulation, Controller]:

@@ -15,6 +15,7 @@ TRAINING_PLANT: dict[str, Any] = {"mass_scale": TRAINING_SCALE, "stop_at_miss": 
 POLICY = "policy.safetensors"  # in a training session's folder
 TRAINING_SLACK_WEIGHT = 3.0  # p while learning: the softer CLF keeps the first, wrong policies on their feet
 
+ABOUT_PARAMETERS = "file of controller parameters: ours, best, nominal_tuned, authors or a YAML file"
 ABOUT_JOBS = "processes (default: all cores)"
 ABOUT_CLUSTER = "Dask's scheduler whose workers do the runs, as tls://host:8786, or local:N (default: $RABBIT_CLUSTER)"
 Jobs = Annotated[int | None, typer.Option(min=1, max=4096, help=ABOUT_JOBS)]
@@ -29,9 +30,7 @@ def who_runs(jobs: int | None, cluster: str | None) -> int | str:
 class TuningOptions(Checked):
     """Options of a command with a controller, besides those of `ControllerParameters`."""
 
-    parameters: str = Field(
-        "ours", description="file of controller parameters: ours, best, nominal_tuned, authors or a YAML file"
-    )
+    parameters: str = Field("ours", description=ABOUT_PARAMETERS)
 
 
 class WalkOptions(TuningOptions):

@@ -56,8 +56,7 @@ def parts(assembly: Assembly) -> Iterator[tuple[Simulation, Controller]]:
     """Plant and controller to reset and walk with; those of the last run that were made of the same, and its files."""
     files = named_files(plain(assembly))
     plant = assembly.simulation, assembly.controller.gait, files
-    knows_plant = assembly.policy == "oracle" or type(assembly) is not Assembly  # a method of your own may know it
-    others = {**vars(assembly), "simulation": assembly.simulation if knows_plant else None}
+    others = {**vars(assembly), "simulation": assembly.simulation if assembly.knows_plant else None}
     controlled = type(assembly), others, files
     controller = _kept_or("controller", controlled, assembly.make_controller)
     simulation = _kept_or("plant", plant, assembly.make_simulation)

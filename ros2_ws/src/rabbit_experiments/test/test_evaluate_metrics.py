@@ -106,6 +106,15 @@ def test_a_missed_stone_is_none_even_if_the_walk_goes_on(record: Record, missed:
     assert (row.success, row.success_with_forces, row.stones, row.missed_stones) == (False, False, 1, 1)
 
 
+def test_a_run_whose_first_state_is_refused_has_a_row() -> None:
+    tally = RunTally(0, PARAMETERS)
+    tally.fault = "controller error: state.q[0] = nan"
+    result = tally.result(7, Outcome.IDLE, [], [], [])
+    assert (result.row.outcome, result.row.ticks, result.row.stones) == ("controller error", 0, 0)
+    assert not result.row.success
+    assert summarise([result], "osqp")["tick_ms_p50"] is None
+
+
 def test_forces_are_judged_apart_from_stones(record: Record) -> None:
     row = run(record, [GOOD], Outcome.WALKED, STANDING * [10, 1]).row
     assert (row.success, row.success_with_forces) == (True, True)  # 100 N of 300 N

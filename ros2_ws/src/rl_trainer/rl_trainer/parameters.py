@@ -12,7 +12,6 @@ from rabbit_description.state import TICK_SECONDS
 from rabbit_description.tick import ABOUT_TICK, TickSeconds
 from rabbit_description.validation import Checked
 from rl_cbf_clf_controller.kinds import NamedProblem
-from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP, STEP_LENGTH
 
 Scales = tuple[float, ...]
@@ -26,7 +25,7 @@ TYPICAL_LGV = 10.0  # |LgV| + 1 of a walk at scale 2
 
 
 class TrainingParameters(Checked):
-    """Parameters of learner, reward, transitions and schedule; defaults are what works, `paper_literal()` the paper."""
+    """Parameters of learner, reward, transitions and schedule; defaults are what works, `PAPER_LITERAL` the paper."""
 
     problem: NamedProblem = Field(RL_CBF_CLF_QP, description="what is learned: the controller's name")
     learner: LearnerName = Field("ddpg", description="how the actor is trained")
@@ -122,21 +121,19 @@ class TrainingParameters(Checked):
         return self.alpha_scale or self.problem.alpha_scale, self.beta_scale or self.problem.beta_scale, error
 
 
-def paper_literal(problem: Problem | str, **changes: Any) -> TrainingParameters:
-    """DDPG as the paper states it; what it leaves open is taken from the DDPG paper or our working set."""
-    literal: dict[str, Any] = {
-        "learner": "paper_ddpg",
-        "structured": False,
-        "measurement": "paper",
-        "every_tick": True,
-        "relative_clf": False,
-        "failure_penalty": 10.0,
-        "actor_rate": 1e-4,
-        "critic_rate": 1e-3,
-        "rate_half_life": 0.0,
-        "batch": 64,
-        "updates_least": 0,
-        "nominal_episodes": 0,
-        "sigma_factors": (1.0,),
-    }
-    return TrainingParameters.model_validate({"problem": problem, **literal, **changes})
+# DDPG as the paper states it; what it leaves open is taken from the DDPG paper or our working set
+PAPER_LITERAL: dict[str, Any] = {
+    "learner": "paper_ddpg",
+    "structured": False,
+    "measurement": "paper",
+    "every_tick": True,
+    "relative_clf": False,
+    "failure_penalty": 10.0,
+    "actor_rate": 1e-4,
+    "critic_rate": 1e-3,
+    "rate_half_life": 0.0,
+    "batch": 64,
+    "updates_least": 0,
+    "nominal_episodes": 0,
+    "sigma_factors": (1.0,),
+}

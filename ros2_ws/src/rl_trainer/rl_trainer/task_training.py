@@ -31,7 +31,7 @@ def measured_problem(task: ControlTask, seed: int) -> Problem:
 
     Rides of the nominal controller and of the oracle show them: an observation has its mean and deviation, an estimate
     `ROOM` times the greatest that the oracle has, an error the root of its mean square under the nominal model.
-    Raises `TaskError` where one difference does not measure the quantities.
+    Raises `TaskError` where one difference does not measure the quantities, or no ride has two ticks.
     """
     try:
         measure(task.tick.terms)
@@ -46,6 +46,8 @@ def measured_problem(task: ControlTask, seed: int) -> Problem:
             errors += [_error(transition, problem.has_clf) for transition in transitions_of(ride, problem)]
         else:
             greatest += [_greatest(m.estimates, problem.has_clf) for m in ride.moments if m.estimates]
+    if not errors:
+        raise TaskError(f"{task.name}: the nominal controller's rides end before anything is measured")
     read = [moment.output.observation for moment in moments]
     means, deviations = np.mean(read, axis=0).tolist(), _floored(np.std(read, axis=0))
     alphas, betas = zip(*greatest, strict=True)

@@ -104,9 +104,10 @@ class Trainer:
         self.taken, self.reports = 0, list[EpisodeReport]()
         self.stop = threading.Event()  # set by another thread: the next update raises `Stopped`
         self._builder = TransitionBuilder(parameters)
-        self._start: Arrays | None = None  # weights to set the actor back to
+        self._start: Arrays = {}  # weights to set the actor back to
         self._adaptation: str | None = None  # that the controller walks with
-        self._earlier = self._updates = 0  # transitions that the policy it began with has seen; updates
+        self._earlier = 0  # transitions that the policy it began with has seen
+        self._unsure = 0  # updates until the critic knows enough to leave that policy; below 0: it does
         self._clear()
 
     def start_from(self, policy: PolicyFile) -> None:
@@ -122,8 +123,8 @@ class Trainer:
             here, there = (getattr(file.metadata, name) for file in (self.policy_file(), policy))
             if here != there:
                 raise PolicyFileError(f"policy {policy.version}: {name} = {there}; this training has {here}")
-        self.episode, self._earlier, self._updates = policy.metadata.episodes, policy.metadata.transitions, 0
-        self._start = policy.arrays
+        self.episode, self._earlier = policy.metadata.episodes, policy.metadata.transitions
+        self._start, self._unsure = policy.arrays, CRITIC_FIRST
         self.learner.set_actors(policy.arrays)
 
     def begin_episode(self) -> EpisodePlan:
@@ -178,10 +179,10 @@ class Trainer:
                 raise Stopped
             for name, loss in self.learner.update(self.replay.sample(), self.rate).items():
                 total[name] = total.get(name, 0.0) + loss / updates
-            self._updates += 1
-            if self._start and self._updates == CRITIC_FIRST:
+            self._unsure -= 1
+            if self._unsure == 0:
                 self.learner.set_actors(self._start)
-        if self._start and self._updates < CRITIC_FIRST:  # nobody is to walk with what such a critic made of it
+        if self._unsure > 0:  # nobody is to walk with what such a critic made of it
             self.learner.set_actors(self._start)
         return total
 
@@ -232,6 +233,8 @@ class Trainer:
         return {
             "episode": self.episode,
             "adaptation": self._adaptation,
+            "earlier": self._earlier,
+            "unsure": self._unsure,
             "learner": self.learner.state_dict(),
             "replay": self.replay.state_dict(),
             "taken": self.taken,
@@ -240,9 +243,11 @@ class Trainer:
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """Go on from a checkpoint."""
-        self._start = None
         self.episode, self._adaptation = state["episode"], state["adaptation"]
+        self._earlier = state.get("earlier", self._earlier)  # neither is in an older checkpoint
+        self._unsure = state.get("unsure", 0)
         self.learner.load_state_dict(state["learner"])
+        self._start = self.learner.acting.arrays()  # where it still is while the critic is unsure
         self.replay.load_state_dict(state["replay"])
         self.taken, self.reports = state["taken"], [EpisodeReport(**report) for report in state["reports"]]
 

@@ -14,7 +14,7 @@ from rl_cbf_clf_controller.weights import PROBE, PolicyFile
 from rl_trainer import training
 from rl_trainer.ddpg import Ddpg
 from rl_trainer.paper_ddpg import PaperDdpg
-from rl_trainer.parameters import TrainingParameters, paper_literal
+from rl_trainer.parameters import PAPER_LITERAL, TrainingParameters
 from rl_trainer.replay import as_batch
 from rl_trainer.training import Trainer
 from rl_trainer.transitions import Transition
@@ -65,7 +65,8 @@ def test_an_update_is_the_one_that_the_equations_say(
 ) -> None:
     """Both losses, by numpy from the weights; the noise of sampled actions and probes is zero."""
     monkeypatch.setattr(Ddpg, "_noise", lambda _, like: torch.zeros_like(like))
-    parameters = (paper_literal if kind is PaperDdpg else of_what_works)(RL_CBF_CLF_QP, hidden1=6, hidden2=5)
+    literal = PAPER_LITERAL if kind is PaperDdpg else {}
+    parameters = TrainingParameters(problem=RL_CBF_CLF_QP, hidden1=6, hidden2=5, **literal)
     torch.manual_seed(4)
     learner, rng, n = kind(parameters), np.random.default_rng(3), 5
     batch = as_batch([random_transition(RL_CBF_CLF_QP, rng, failed=k == 2) for k in range(4)], parameters)
@@ -107,11 +108,6 @@ def test_an_update_is_the_one_that_the_equations_say(
     huber = np.where(wrong < 1, wrong**2 / 2, wrong - 0.5)
     assert losses["critic"] == pytest.approx(huber.mean(), rel=1e-4)
     assert losses["actor"] == pytest.approx(-q_of(values["mu_qp"]).sum(1).mean(), rel=1e-4)
-
-
-def of_what_works(problem: Problem, **changes: Any) -> TrainingParameters:
-    """The counterpart of `paper_literal`."""
-    return TrainingParameters(problem=problem, **changes)
 
 
 def network(critic: torch.nn.Module, *inputs: Any) -> Any:

@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 import torch
 from rl_cbf_clf_controller.uncertainty import RL_CLF_QP
-from rl_cbf_clf_controller.weights import read
+from rl_cbf_clf_controller.weights import PolicyFile, read
+from rl_trainer import training
 from rl_trainer.checkpoint import CHECKPOINT, Checkpoint, CheckpointError
 from rl_trainer.curve import CURVE, scalars
 from rl_trainer.parameters import TrainingParameters
@@ -42,6 +43,29 @@ def test_a_killed_run_resumes_with_nothing_lost(tmp_path: Path, toy_world: Any, 
     for row, report in zip(rows, reports, strict=True):
         assert {name: float(text) for name, text in row.items() if text} == scalars(report)
     assert not list(resume(Checkpoint(tmp_path / "cut", Trainer(PARAMETERS)), toy_world, toy_controller))
+
+
+def test_a_killed_run_that_began_with_a_policy_resumes_with_nothing_lost(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, toy_world: Any, toy_controller: Any
+) -> None:
+    """Whether or not who goes on names the policy again; it is killed before its critic knows something."""
+    monkeypatch.setattr(training, "CRITIC_FIRST", 60)
+    given = Trainer(PARAMETERS.model_copy(update={"seed": 2})).policy_file()
+    metadata = given.metadata.model_copy(update={"transitions": 5000})  # which more than halves the learning rates
+
+    def begun(name: str, is_named: bool = True) -> Checkpoint:
+        trainer = Trainer(PARAMETERS)
+        if is_named:
+            trainer.start_from(PolicyFile(metadata, given.arrays))
+        return Checkpoint(tmp_path / name, trainer)
+
+    whole = begun("whole")
+    reports = list(resume(whole, toy_world, toy_controller))
+    for name, is_named in (("named", True), ("unnamed", False)):
+        assert list(itertools.islice(resume(begun(name), toy_world, toy_controller), 1)) == reports[:1]
+        again = begun(name, is_named)
+        assert list(resume(again, toy_world, toy_controller)) == reports[1:]
+        assert again.trainer.policy_file().encode() == whole.trainer.policy_file().encode()
 
 
 def test_learning_that_diverges_keeps_the_checkpoint(tmp_path: Path, toy_world: Any, toy_controller: Any) -> None:

@@ -15,6 +15,7 @@ from rabbit_common.executables import NAMESPACE
 from rabbit_description import ABOUT_TASK
 from rabbit_description.validation import Checked
 from rabbit_estimator.parameters import EstimatorParameters
+from rabbit_experiments.conditions import ABOUT_PARAMETERS
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_viewer.page import PORT
 from rl_cbf_clf_controller.parameters import ControllerParameters
@@ -36,9 +37,7 @@ class WalkOptions(Checked):
     seed: int = Field(1, ge=0, le=2**63 - 1, description="seed of course, first state and noise")
     episodes: int = Field(1, ge=1, le=MOST_EPISODES, description="episodes, their seeds counting up")
     policy: str | None = Field(None, description="zero, a shipped policy or a file")
-    parameters: str = Field(
-        "ours", description="file of controller parameters: ours, best, nominal_tuned, authors or a YAML file"
-    )
+    parameters: str = Field("ours", description=ABOUT_PARAMETERS)
     trainer: bool = Field(True, description="the trainer learns from each episode")
     swap_at: Literal["episode", "never"] = Field(
         "never", description="when the trainer's policies take effect; with episode it plans each episode"

@@ -68,13 +68,14 @@ def complain(text: object) -> None:
 
 def _leave(walk: WalkSettings, code: ExitCode, seconds: float) -> None:
     """Summary, pictures and film from the recording."""
-    if walk.options.task:
-        if walk.options.pictures:
-            ride = recorded_ride(load_task(walk.options.task), walk.folder / "recording")
-            print(*draw_ride(ride, own_folder(walk.folder / "pictures", "walk")), sep="\n")
-        return
+    recording = walk.folder / "recording"
     try:
-        summary = write_summary(walk, walk.folder / "recording", code, seconds)
+        if walk.options.task:
+            if walk.options.pictures:
+                ride = recorded_ride(load_task(walk.options.task), recording)
+                print(*draw_ride(ride, own_folder(walk.folder / "pictures", "walk")), sep="\n")
+            return
+        summary = write_summary(walk, recording, code, seconds)
     except RecordingError as error:
         complain(error)
         return

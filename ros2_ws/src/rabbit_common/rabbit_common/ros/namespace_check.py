@@ -1,5 +1,6 @@
 """Is somebody there already? Two graphs in one namespace are two robots in one: either ends the other's episodes."""
 
+import hashlib
 import socket
 import time
 from collections.abc import Callable, Collection
@@ -16,27 +17,37 @@ POLL_SECONDS = 0.1
 UNKNOWN = "_NODE_NAME_UNKNOWN_"  # of an end point that is discovered before its node
 
 
-class NamespaceCheck:
-    """Holds a namespace of the ROS domain for one walk of this machine, until it is closed or the process ends.
+def held(name: str) -> socket.socket:
+    """Holds a name of the ROS domain on this machine, until it is closed or the process ends.
 
-    It is a socket's name that belongs to no file, so that nothing is left of a process that was killed.
+    It is a socket's name that belongs to no file, so that nothing is left of a process that was killed. Raises
+    `OSError` while somebody holds it, `StartError` where there is no such domain.
     """
+    key = hashlib.sha256(f"{domain()} {name}".encode()).hexdigest()  # a socket's name has 107 characters at most
+    holder = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+    try:
+        holder.bind(f"\0rabbit/{key}")
+    except OSError:
+        holder.close()
+        raise
+    return holder
+
+
+class NamespaceCheck:
+    """Holds a namespace of the ROS domain for one walk of this machine, until it is closed or the process ends."""
 
     def __init__(self, namespace: str) -> None:
         """Raises `Refused` while another process holds the namespace, or there is no such domain."""
-        number = domain()
         self._namespace = f"/{namespace.strip('/')}"
-        self._where = f"namespace {self._namespace} of ROS domain {number}"
-        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self._where = f"namespace {self._namespace} of ROS domain {domain()}"
         try:
-            self._socket.bind(f"\0rabbit/{number}{self._namespace}")
+            self._held = held(self._namespace)
         except OSError as error:
-            self._socket.close()
             raise self._refusal("another walk has begun") from error
 
     def close(self) -> None:
         """Let others have it."""
-        self._socket.close()
+        self._held.close()
 
     def look(self, nodes: Collection[str], seconds: float = DISCOVERY_SECONDS) -> None:
         """Look for a graph that nobody claimed, as nodes started one by one, for so many s. Raises `Refused`.

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from shutil import rmtree
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -227,6 +228,7 @@ def draw_first(task: "ControlTask", name: str, seed: int, folder: Path) -> None:
     controller = TaskController(task)
     controlling = controller.controlling(name)
     ride = ride_of(controller, controlling, seed)
+    rmtree(folder / "recording", ignore_errors=True)  # of an earlier call
     with complaints(LaunchError, RecordingError, OSError):
         write_ride(ride, folder / "recording", controlling if isinstance(controlling, ActorPolicy) else None)
     for path in (folder / "recording", *load("rabbit.pictures", "ride")(ride, folder)):

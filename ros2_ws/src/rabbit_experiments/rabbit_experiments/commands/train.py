@@ -10,7 +10,7 @@ from rabbit_common.options import Defaults, Given, complaints, going_on_from, op
 from rabbit_common.own_folder import own_folder
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_trainer.parameters import TrainingParameters
+from rl_trainer.parameters import PAPER_LITERAL, TrainingParameters
 
 from rabbit_experiments.conditions import POLICY, TRAINING_PLANT, TRAINING_SLACK_WEIGHT, TuningOptions
 
@@ -43,14 +43,11 @@ def train(given: Given) -> None:
     from rl_cbf_clf_controller.parameters import ParameterError, load_parameters
     from rl_cbf_clf_controller.scene import ControllerError
     from rl_trainer.checkpoint import CheckpointError
-    from rl_trainer.parameters import paper_literal
     from rl_trainer.training import DivergenceError
 
     from rabbit_experiments.training_setup import training
 
-    parameters = given.build(TrainingParameters)
-    if request.paper_literal:
-        parameters = paper_literal(parameters.problem, **given.of(TrainingParameters, but=("problem",)))
+    parameters = given.build(TrainingParameters, **(PAPER_LITERAL if request.paper_literal else {}))
     with complaints(ParameterError):
         values = given.of(ControllerParameters, but=("controller", "sigma"))
         controller = load_parameters(request.parameters, **values, controller=parameters.problem.name)

@@ -8,12 +8,15 @@ import json
 import time
 from functools import partial
 from pathlib import Path
+from socket import socket
 from typing import Any
 
 from pydantic import Field, create_model
 from rabbit_common.message_checks import Refused
 from rabbit_common.ros.conversions import check_episode, is_new_simulator
 from rabbit_common.ros.diagnostics import ERROR, OK, WARN, Diagnostics, Status
+from rabbit_common.ros.namespace_check import held
+from rabbit_common.ros.network import StartError, domain
 from rabbit_common.ros.parameters import ParameterError, declare, refuse_unknown
 from rabbit_common.ros.qos import EVENT, TICK
 from rabbit_common.ros.simulator_follower import SimulatorFollower
@@ -69,6 +72,7 @@ class TrainerNode(SimulatorFollower):
 
     def __init__(self) -> None:
         super().__init__("trainer")
+        self._plans_alone = self._place()
         parameters = declare(self, NodeParameters)
         task = load_task(parameters.task) if parameters.task else None
         default = training_parameters(task, self._seed()) if task else None
@@ -91,6 +95,15 @@ class TrainerNode(SimulatorFollower):
         steady_timer(self, 0.5, self._look)
         self.get_logger().info(f"ready: learns {self._training.problem}, begins with policy {parameters.policy}")
 
+    def _place(self) -> socket:
+        """Holds the topic of the plans: the simulator would mix two trainers'. Raises `StartError`."""
+        topic = self.resolve_topic_name("episode_plan")
+        try:
+            return held(topic)
+        except OSError as error:
+            where = f"another trainer of this machine publishes {topic} of ROS domain {domain()}"
+            raise StartError(f"{where}; end it, or take another namespace or ROS_DOMAIN_ID") from error
+
     def _seed(self) -> int:
         """What the units of a task are measured with, before the other parameters' defaults are known."""
         model = create_model("Seed", seed=(int, TrainingParameters.model_fields["seed"]))
@@ -104,8 +117,9 @@ class TrainerNode(SimulatorFollower):
         return self._learning.error
 
     def close(self) -> None:
-        """End the learning thread."""
+        """End the learning thread; another trainer may come."""
         self._learning.close()
+        self._plans_alone.close()
 
     # What comes in
 
