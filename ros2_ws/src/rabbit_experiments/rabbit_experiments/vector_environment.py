@@ -132,6 +132,7 @@ class WalkingEnv(EpisodesEnv):
     ) -> None:
         super().__init__(robots, observations, actions)
         self.controller, self._plant, self._again = controller, plant, again
+        self._batch = BatchSimulation([])
         self._gait = load_gaits(controller.parameters.gait)
 
     @abstractmethod
@@ -145,6 +146,7 @@ class WalkingEnv(EpisodesEnv):
 
     def begin(self, robots: list[int], seeds: list[int]) -> None:
         if len(robots) == self.num_envs:
+            self.close_extras()
             self._batch = BatchSimulation([make_simulation(self._plant(seed), self._gait) for seed in seeds])
             self._batch.reset(seeds)
         else:
@@ -152,6 +154,11 @@ class WalkingEnv(EpisodesEnv):
                 self._batch.restart(i, self._next_simulation(i, seed), seed)
         for i, seed in zip(robots, seeds, strict=True):
             self.begin_as(i, self._batch.simulations[i].parameters, seed)
+
+    def close_extras(self, **_: Any) -> None:
+        """Close the plants: an engine's memory is not given back otherwise."""
+        for simulation in self._batch.simulations:
+            simulation.close()
 
     def begin_as(self, i: int, plant: SimulationParameters, seed: int) -> None:
         """Robot `i` has begun an episode as this plant."""
@@ -173,7 +180,7 @@ class WalkingEnv(EpisodesEnv):
         simulation = self._batch.simulations[i]
         if self._again and not self.tick.walked[i] and self._rngs[i].random() < self._again:
             return simulation
-        simulation.close()  # an engine's memory is not given back otherwise
+        simulation.close()
         return make_simulation(self._plant(seed), self._gait)
 
 

@@ -246,11 +246,12 @@ def random_plant(parameters: SimulationParameters, seed: int) -> SimulationParam
     return parameters.model_copy(update=masses | {name: value for name, value in others.items() if rng.random() < 0.5})
 
 
-def test_an_environments_former_plants_are_freed() -> None:
+@pytest.mark.parametrize("robots", [1, 2])
+def test_an_environments_former_plants_are_freed(robots: int) -> None:
     """By their last reference, with no collection: an engine's memory is large."""
     tuning = load_parameters("ours", controller="rl-cbf-clf-qp", qp_solver="daqp")
     plant = SimulationParameters(plant="mujoco", stones=1)
-    env = VectorWalkingEnv(TrainingParameters(), tuning, plant, 2, random_plant)
+    env = VectorWalkingEnv(TrainingParameters(), tuning, plant, robots, random_plant)
     env.reset(seed=5)
     first = [weakref.ref(simulation.plant) for simulation in env._batch.simulations]
     gc.collect()
@@ -259,7 +260,7 @@ def test_an_environments_former_plants_are_freed() -> None:
         rng = np.random.default_rng(0)
         for _ in range(150):
             env.step(rng.uniform(-0.2, 0.2, env.action_space.shape).astype(np.float32))
-        assert [plant() for plant in first] == [None, None]
+        assert [plant() for plant in first] == [None] * robots
     finally:
         gc.enable()
 
