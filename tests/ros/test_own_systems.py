@@ -228,6 +228,7 @@ def test_rabbit_walk_learns_on_a_task_and_its_recording_replays(tmp_path: Path) 
         (("--mass-scale", 2), "--mass-scale beside --task"),
         (("--policy", "nosuch"), "controller nosuch: expected one of nominal, oracle"),
         (("--view",), "--view beside --task"),
+        (("--controller", "oracle"), "--controller oracle beside --task: expected --policy"),
     ],
 )
 def test_what_a_walk_of_a_task_cannot_be_is_named(tmp_path: Path, words: tuple[object, ...], text: str) -> None:
