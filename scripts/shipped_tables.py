@@ -114,8 +114,8 @@ def no_harm_table() -> str:
             here = partial(walked, name, terrains=(terrain,))
             counts = here("best", region), here("nominal-tuned", region), courses(name, region, terrains=(terrain,))
             gain = points(name, "best", "nominal-tuned", region, terrains=(terrain,))
-            lines.append([f"{terrain}: {region}", *(f"{count:,}" for count in counts), gain])
-    return markdown_table(["PyBullet", "`best`", "tuned nominal", "of", "points"], lines)
+            lines.append([f"{terrain}: {region}, {counts[2]:,}", *(f"{count:,}" for count in counts[:2]), gain])
+    return markdown_table(["courses", "`best`", "tuned nominal", "points"], lines)
 
 
 def leaderboard() -> str:
