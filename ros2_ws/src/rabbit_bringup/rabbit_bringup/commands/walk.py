@@ -81,7 +81,7 @@ def walk_of_task(options: WalkOptions, given: Given) -> WalkSettings:
 
     if of_robot := sorted(set(given.values) - set(WalkOptions.model_fields)):
         fail(f"{option_name(of_robot[0])} beside --task: expected options of the walk alone")
-    if options.controller and not options.is_foreign:
+    if "controller" in given.values and not options.is_foreign:
         fail(f"--controller {options.controller} beside --task: expected --policy")
     if options.view:
         fail("--view beside --task: expected `rabbit play --task`")
