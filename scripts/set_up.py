@@ -151,7 +151,7 @@ def steps(extent: str) -> list[Step]:
     locks = [REQUIREMENTS / f"{name}.txt" for name in ("build", "python", "ros", "torch_cpu", "torch", "torch_cuda")]
     added = ROOT / "studies/pyproject.toml", ROOT / "qa/pyproject.toml", REQUIREMENTS / "cluster.txt"
     stand_ins = tuple(path for package in STAND_INS for path in package.rglob("*") if path.is_file())
-    walking = [
+    ros = [
         Step("venv", "an environment in .venv", (), make_venv),
         Step("build", "build tools", (locks[0],), install_build),
         Step(
@@ -162,14 +162,14 @@ def steps(extent: str) -> list[Step]:
         ),
         Step("mend", "set-up files for ROS 2", (locks[2], SCRIPTS / "mend_ros_wheels.py"), mend_ros),
         Step("stand_ins", "messages that the ROS wheels lack", stand_ins, build_stand_ins),
-        Step("torch", "torch", (locks[3],), install_torch),
     ]
-    if extent in ("ros", ""):
-        return walking[: -1 if extent else None]
-    learning = [Step("cuda", "torch from PyPI if there is no other", tuple(locks[4:]), install_cuda_torch)]
-    studies = [Step("studies", "the studies", (REQUIREMENTS / "studies.txt", *added), install_studies)]
-    tests = [Step("tests", "what tests and checks", (REQUIREMENTS / "tests.txt",), install_tests)]
-    return walking + learning + (studies if extent != "torch" else []) + (tests if extent == "tests" else [])
+    further = {
+        "": Step("torch", "torch", (locks[3],), install_torch),
+        "torch": Step("cuda", "torch from PyPI if there is no other", tuple(locks[4:]), install_cuda_torch),
+        "studies": Step("studies", "the studies", (REQUIREMENTS / "studies.txt", *added), install_studies),
+        "tests": Step("tests", "what tests and checks", (REQUIREMENTS / "tests.txt",), install_tests),
+    }
+    return ros + [*further.values()][: 0 if extent == "ros" else [*further].index(extent) + 1]
 
 
 def set_up(extent: str = "") -> None:

@@ -47,8 +47,8 @@ class Outputs:
 class VirtualConstraints:
     """The outputs of a path as numbers. One object serves one thread.
 
-    `row`: the numbers of the path; `scale` (2,): what turns a phase angle into a phase, `phase_scale` of
-    `OutputExpressions`; `functions`: `output_functions` of these angles, for whoever follows many paths.
+    `row` holds the numbers of the path. `scale` (2,) turns a phase angle into a phase: `phase_scale` of
+    `OutputExpressions`. `functions` are the `output_functions` of these angles; several paths can share them.
     """
 
     def __init__(

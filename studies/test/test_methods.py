@@ -37,8 +37,8 @@ def test_a_controller_mixed_with_itself_is_itself() -> None:
     mixed, own = (replace(best, kind=kind) for kind in (partial(methods.MixedAssembly, student=best), Assembly))
     simulation, controller = mixed.assembly(mass_scale=2.0).build()
     alone, state = own.assembly().make_controller(), simulation.reset(1)
-    for each in (controller, alone):
-        each.reset(1)
+    controller.reset(1)
+    alone.reset(1)
     assert controller.step(state).torque == pytest.approx(alone.step(state).torque, rel=1e-12)
     simulation.close()
     assert dagger.policy in str(plain(methods.MIXTURE.on("stones").assembly()))

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 import rclpy
-from rabbit_common.ros.namespace_check import held
+from rabbit_common.ros.namespace_check import hold_name
 from rclpy.context import Context
 from rclpy.node import Node
 
@@ -139,6 +139,6 @@ def test_a_domain_that_is_none_is_refused_by_all(words: tuple[str, ...], tmp_pat
 
 @pytest.mark.parametrize("name", ["/here", "/long" * 50])
 def test_a_name_is_held_once_until_it_is_closed(name: str) -> None:
-    with closing(held(name)), closing(held(f"{name}/there")), pytest.raises(OSError, match="in use"):
-        held(name)
-    held(name).close()
+    with closing(hold_name(name)), closing(hold_name(f"{name}/there")), pytest.raises(OSError, match="in use"):
+        hold_name(name)
+    hold_name(name).close()

@@ -228,7 +228,7 @@ def test_the_commands(cart, task, tmp_path):
     assert float(rows[0]["wall"]) == first.margins[0]
     assert (tmp_path / "e" / "margins.png").is_file()
     words = ("--controller", "oracle", "--rides", 1, "--pictures", "--out", tmp_path / "p")
-    for _ in range(2):  # the second call draws it anew
+    for _ in range(2):  # the second call replaces the pictures of the first
         code, said = typed("evaluate", "--task", cart, *words)
         assert code == 0, said
     pictures = tmp_path / "p" / "oracle"

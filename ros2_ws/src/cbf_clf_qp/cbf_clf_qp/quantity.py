@@ -17,7 +17,7 @@ from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.system import System
 
 HARD = float("inf")  # weight of a row without slack
-LONGEST_NAME = 32  # characters: so many has a name in a message
+LONGEST_NAME = 32  # characters: a message holds no more
 Number = ca.SX | float
 
 

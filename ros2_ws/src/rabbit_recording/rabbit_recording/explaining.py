@@ -52,8 +52,7 @@ class ExplainedTick:
 
 
 def explained(programme: Tick, moments: Mapping[int, Any], tick: int) -> tuple[Explanation, Explanation | None]:
-    """A tick, and the one before if it is among the moments; of the next a `Record` will do, which says what was
-    measured."""
+    """Explains a tick, and the one before if there is one. The next may be a `Record`: it says what was measured."""
 
     def of(k: int) -> Explanation:
         now, after = moments[k], moments.get(k + 1)

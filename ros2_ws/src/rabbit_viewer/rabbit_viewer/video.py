@@ -62,17 +62,17 @@ def encode(
 
 def _frames(walks: Sequence[WalkRecords], speed: float) -> Iterator[memoryview]:
     scenes = [Scene(walk, has_legend=not i) for i, walk in enumerate(walks)]
-    shares = [walks[0].tick_seconds / walk.tick_seconds for walk in walks]  # of a walk's tick, that the first one's is
-    each = [(scene, share, len(walk.tick) - 1) for scene, share, walk in zip(scenes, shares, walks, strict=True)]
-    falls = [(scene.fall / share, last / share) for scene, share, last in each if scene.fall is not None]
-    around, end = ticks_in(AROUND, walks[0].tick_seconds), max(last / share for _, share, last in each)
+    shares = [walks[0].tick_seconds / walk.tick_seconds for walk in walks]  # ticks of the walk in a tick of the first
+    films = [(scene, share, len(walk.tick) - 1) for scene, share, walk in zip(scenes, shares, walks, strict=True)]
+    falls = [(scene.fall / share, last / share) for scene, share, last in films if scene.fall is not None]
+    around, end = ticks_in(AROUND, walks[0].tick_seconds), max(last / share for _, share, last in films)
     row, pace = 0.0, speed / (FRAME_RATE * walks[0].tick_seconds)
 
     def frame() -> memoryview:
-        return np.hstack([scene.frame(min(int(row * share), last)) for scene, share, last in each]).data
+        return np.hstack([scene.frame(min(int(row * share), last)) for scene, share, last in films]).data
 
     while row < end:
         yield frame()
         row += pace * (SLOW if any(first - around <= row <= last + around for first, last in falls) else 1)
-    row = end + 1
+    row = end + 1  # where every walk shows its last tick, however it is rounded
     yield from [frame()] * round(LAST_FRAME * FRAME_RATE)

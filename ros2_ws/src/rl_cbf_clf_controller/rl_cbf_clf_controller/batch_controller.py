@@ -270,7 +270,8 @@ class BatchController:
     def _estimated(self, scene: BatchScene, learned: Estimates | None) -> tuple[list[Estimates], Estimates]:
         """The estimates of the policies, by default as they say, and of the identified robot; and their sum."""
         policy, is_shared = self.policies[0], len(set(map(id, self.policies))) == 1
-        adapted, before = identified(self._one, self._seen), self.identified()
+        adapted = identified(self._one, self._seen)
+        before = sum(adapted, estimates_of(self._one, self._nothing))
         if learned is None and is_shared and isinstance(policy, LearnedPolicy):
             learned = policy.act_of_many(scene.observation, scene.seen.LgV)
         elif learned is None and is_shared and isinstance(policy, ResidualPolicy):

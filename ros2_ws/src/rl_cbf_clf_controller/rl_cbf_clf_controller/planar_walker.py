@@ -284,8 +284,8 @@ class PlanarWalker:
     def start(self) -> tuple[list[float], list[float]]:
         """The least and the greatest first state: the path's first one, and the file's `spread` around it."""
         file, (begin, end) = self.file, self.file.phase_range
-        powers = path_row(self.path)[: len(self.outputs) * POWERS].reshape(-1, POWERS)  # of the phase, which is 0
-        value, slope = powers[:, 0], powers[:, 1]
+        powers = path_row(self.path)[: len(self.outputs) * POWERS].reshape(-1, POWERS)
+        value, slope = powers[:, 0], powers[:, 1]  # of the polynomials of the phase, at 0
         q = self.angles.coordinates(value, begin)
         dq = file.phase_rate * self.angles.coordinates(slope, end - begin)
         room = np.concatenate([[0.0], np.full(len(q), file.spread[0]), [0.0], file.spread[1] * np.abs(dq)])

@@ -42,7 +42,7 @@ def walk(given: Given) -> None:
 
 def prepare(given: Given) -> WalkSettings:
     """The walk that is asked for; makes its folder. Ends the command if it cannot be."""
-    options = with_known_learner(given.build(WalkOptions), given)
+    options = with_usable_trainer(given.build(WalkOptions), given)
     if options.task:
         return walk_of_task(options, given)
     if options.is_foreign:
@@ -60,7 +60,7 @@ def prepare(given: Given) -> WalkSettings:
     return walk
 
 
-def with_known_learner(options: WalkOptions, given: Given) -> WalkOptions:
+def with_usable_trainer(options: WalkOptions, given: Given) -> WalkOptions:
     """Leaves the trainer out where torch is not installed.
 
     Raises `ModuleNotFoundError`, which becomes a line, if the trainer was asked for.

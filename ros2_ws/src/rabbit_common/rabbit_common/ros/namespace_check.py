@@ -17,7 +17,7 @@ POLL_SECONDS = 0.1
 UNKNOWN = "_NODE_NAME_UNKNOWN_"  # of an end point that is discovered before its node
 
 
-def held(name: str) -> socket.socket:
+def hold_name(name: str) -> socket.socket:
     """Holds a name of the ROS domain on this machine, until it is closed or the process ends.
 
     It is a socket's name that belongs to no file, so that nothing is left of a process that was killed. Raises
@@ -41,7 +41,7 @@ class NamespaceCheck:
         self._namespace = f"/{namespace.strip('/')}"
         self._where = f"namespace {self._namespace} of ROS domain {domain()}"
         try:
-            self._held = held(self._namespace)
+            self._held = hold_name(self._namespace)
         except OSError as error:
             raise self._refusal("another walk has begun") from error
 

@@ -15,7 +15,7 @@ from pydantic import Field, create_model
 from rabbit_common.message_checks import Refused
 from rabbit_common.ros.conversions import check_episode, is_new_simulator
 from rabbit_common.ros.diagnostics import ERROR, OK, WARN, Diagnostics, Status
-from rabbit_common.ros.namespace_check import held
+from rabbit_common.ros.namespace_check import hold_name
 from rabbit_common.ros.network import StartError, domain
 from rabbit_common.ros.parameters import ParameterError, declare, refuse_unknown
 from rabbit_common.ros.qos import EVENT, TICK
@@ -72,7 +72,7 @@ class TrainerNode(SimulatorFollower):
 
     def __init__(self) -> None:
         super().__init__("trainer")
-        self._plans_alone = self._place()
+        self._plans_alone = self._hold_plans()
         parameters = declare(self, NodeParameters)
         task = load_task(parameters.task) if parameters.task else None
         default = training_parameters(task, self._seed()) if task else None
@@ -95,11 +95,11 @@ class TrainerNode(SimulatorFollower):
         steady_timer(self, 0.5, self._look)
         self.get_logger().info(f"ready: learns {self._training.problem}, begins with policy {parameters.policy}")
 
-    def _place(self) -> socket:
+    def _hold_plans(self) -> socket:
         """Holds the topic of the plans: the simulator would mix two trainers'. Raises `StartError`."""
         topic = self.resolve_topic_name("episode_plan")
         try:
-            return held(topic)
+            return hold_name(topic)
         except OSError as error:
             where = f"another trainer of this machine publishes {topic} of ROS domain {domain()}"
             raise StartError(f"{where}; end it, or take another namespace or ROS_DOMAIN_ID") from error
