@@ -39,7 +39,7 @@ def source_package() -> Path:
     path = cache() / f"daqp-{version}.tar.gz"
     if path.is_file() and sha256(path.read_bytes()).hexdigest() == digest:
         return path
-    options = ["--no-binary", ":all:", "--no-deps", "--require-hashes", "--no-input", "-r", str(LOCK)]
+    options = ["--no-binary", "daqp", "--no-deps", "--require-hashes", "--no-input", "-r", str(LOCK)]
     command = [sys.executable, "-m", "pip", "download", *options]
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -7,13 +7,13 @@ Each is refused, so that time and memory stay in proportion to the file.
 
 import contextlib
 import re
+import sys
 from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import lz4.frame  # type: ignore[import-untyped]
-from backports import zstd
 from rabbit_description.bounded_file import exists
 from rabbit_description.validation import one_line
 from rosbags.highlevel import AnyReader
@@ -22,6 +22,11 @@ from rosbags.rosbag2 import Reader, ReaderError
 from rosbags.rosbag2.storage_mcap import DECOMPRESSORS, McapReader
 
 from rabbit_recording import RecordingError
+
+if sys.version_info >= (3, 14):
+    from compression import zstd
+else:
+    from backports import zstd
 
 MCAP_MAGIC = b"\x89MCAP0\r\n"  # the first and the last bytes of a finished file
 MOST_RATIO = 30  # of a chunk's bytes to its compressed ones; numbers of a walk have less than 10
