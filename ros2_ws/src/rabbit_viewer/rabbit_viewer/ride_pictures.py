@@ -43,9 +43,11 @@ def draw_margins(task: ControlTask, rides: Mapping[str, Sequence[RideRow]], path
         return style.save(figure, path)
 
 
-def draw_ride(ride: Ride, folder: Path, form: str = "png") -> list[Path]:
-    """Draws a ride's rows and, of a task that has `draw`, its film; raises `VideoError`."""
-    return [draw_rows(ride, folder / f"rows.{form}"), *(film(ride, folder / "ride.mp4") if ride.task.draw else ())]
+def draw_ride(ride: Ride, folder: Path, form: str = "png") -> Iterator[Path]:
+    """Draws a ride's rows and, of a task that has `draw`, its film: each file once it is written; raises `VideoError`."""
+    yield draw_rows(ride, folder / f"rows.{form}")
+    if ride.task.draw:
+        yield from film(ride, folder / "ride.mp4")
 
 
 def draw_rows(ride: Ride, path: Path) -> Path:

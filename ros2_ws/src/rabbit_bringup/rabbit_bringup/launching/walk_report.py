@@ -73,7 +73,8 @@ def _leave(walk: WalkSettings, code: ExitCode, seconds: float) -> None:
         if walk.options.task:
             if walk.options.pictures:
                 ride = recorded_ride(load_task(walk.options.task), recording)
-                print(*draw_ride(ride, own_folder(walk.folder / "pictures", "walk")), sep="\n")
+                for path in draw_ride(ride, own_folder(walk.folder / "pictures", "walk")):
+                    print(path)
             return
         summary = write_summary(walk, recording, code, seconds)
     except RecordingError as error:

@@ -228,8 +228,13 @@ def draw_first(task: "ControlTask", name: str, seed: int, folder: Path) -> None:
     controller = TaskController(task)
     controlling = controller.controlling(name)
     ride = ride_of(controller, controlling, seed)
-    rmtree(folder / "recording", ignore_errors=True)  # of an earlier call
-    with complaints(LaunchError, RecordingError, OSError):
-        write_ride(ride, folder / "recording", controlling if isinstance(controlling, ActorPolicy) else None)
-    for path in (folder / "recording", *load("rabbit.pictures", "ride")(ride, folder)):
-        print(f"written {path}")
+    recording = folder / "recording"
+    rmtree(recording, ignore_errors=True)  # of an earlier call
+    with complaints(RecordingError, OSError):
+        for path in load("rabbit.pictures", "ride")(ride, folder):
+            print(f"written {path}")
+        try:
+            write_ride(ride, recording, controlling if isinstance(controlling, ActorPolicy) else None)
+            print(f"written {recording}")
+        except LaunchError as error:
+            print(f"no recording: {error}")

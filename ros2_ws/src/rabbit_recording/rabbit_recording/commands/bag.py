@@ -153,7 +153,8 @@ def plot(
             drawn = brought("ride")(ride_in(source, task, episode), folder, form)
         else:
             drawn = brought("recording")(source, out, episode, form)
-        print(*drawn, sep="\n")
+        for path in drawn:
+            print(path)
 
 
 @app.command()
