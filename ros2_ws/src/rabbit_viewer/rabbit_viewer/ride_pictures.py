@@ -44,7 +44,7 @@ def draw_margins(task: ControlTask, rides: Mapping[str, Sequence[RideRow]], path
 
 
 def draw_ride(ride: Ride, folder: Path, form: str = "png") -> Iterator[Path]:
-    """Draws a ride's rows and, of a task that has `draw`, its film: each file once it is written; raises `VideoError`."""
+    """Draws a ride's rows and, of a task that has `draw`, its film, one after the other; raises `VideoError`."""
     yield draw_rows(ride, folder / f"rows.{form}")
     if ride.task.draw:
         yield from film(ride, folder / "ride.mp4")
