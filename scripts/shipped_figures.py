@@ -6,6 +6,7 @@ from shipped_tables import (
     FLAT,
     HIGH_GAIN,
     LARGE,
+    LARGE_PYBULLET,
     MAPS,
     MASSES,
     PAPER,
@@ -48,7 +49,9 @@ def pages() -> dict[str, Page]:
         "docs/results.md": results(),
         "studies/docs/leaderboard.md": Page(blocks={"leaderboard": leaderboard()}),
         "studies/docs/results_paper.md": paper(),
-        "studies/docs/results_pybullet.md": Page(blocks={"no_harm": no_harm_table()}),
+        "studies/docs/results_pybullet.md": Page(
+            blocks={"no_harm": no_harm_table(), "map": large_table(LARGE_PYBULLET)}
+        ),
         "studies/docs/results_robots.md": Page(blocks={"rides": rides_table()}),
         "studies/docs/structure.md": structure(),
         "studies/docs/tuning.md": tuning(),

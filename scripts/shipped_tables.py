@@ -36,8 +36,9 @@ def shipped(name: str) -> list[dict[str, str]]:
 
 @cache
 def table(name: str) -> Table:
-    """A shipped one."""
-    return Table.read(DATA / f"{name}.csv")
+    """A shipped one; that of PyBullet's map is in parts."""
+    parts = [Table.read(path) for path in sorted(DATA.glob(f"{name}*.csv"))]
+    return Table(row for part in parts for row in part.rows.values())
 
 
 def where(*maps: Map, terrains: Sequence[str] = TERRAINS) -> list[str]:
@@ -59,7 +60,7 @@ def courses(name: str, *maps: Map, terrains: Sequence[str] = TERRAINS) -> int:
     return table(name).courses("best", where(*maps, terrains=terrains))
 
 
-LARGE = "benchmark_mujoco"
+LARGE, LARGE_PYBULLET = "benchmark_mujoco", "benchmark_pybullet"
 large, unseen, harm = (partial(walked, name) for name in (LARGE, "unseen_mujoco", "no_harm_mujoco"))
 
 

@@ -15,10 +15,11 @@ LOSSES = {"value": "symlog", "linthresh": 1e-3}
 def draw_curve(folder: Path) -> Path:
     """Draw curve.png beside the curve.csv of a training's folder; raises `OSError`."""
     with (folder / CURVE).open(encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(file))
+        reader = csv.DictReader(file)
+        columns, rows = reader.fieldnames or (), list(reader)
     panels = []
     for prefix, title in PANELS.items():
-        names = [name for name in rows[0] if name.startswith(prefix)]
+        names = [name for name in columns if name.startswith(prefix)]
         curves = {name.partition("/")[2]: np.array([float(row[name] or "nan") for row in rows]) for name in names}
         panels.append(Panel(title, curves, scale=LOSSES if prefix == "losses/" else LINEAR))
     episodes = np.array([int(row["episode"]) + 1 for row in rows])
