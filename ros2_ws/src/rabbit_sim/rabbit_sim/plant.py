@@ -52,9 +52,9 @@ class PlantReading:
     """The truth after a tick, world frame.
 
     `q`, `dq` (7,): m, rad and their rates. `foot_force` (2, 2): rows left, right; columns tangential, normal; N,
-    averaged over the tick. `foot_position` (2, 2): columns x, z; m. `contact` (2,): at the tick's end. `touches`: the
-    feet that came down during the tick, in order. `path` (substeps, 14): q and dq at each substep's end, for sensors
-    that are faster than a tick; None if nobody asked for it or no tick was walked.
+    averaged over the tick. `foot_position` (2, 2): columns x, z; m. `contact` (2,): at some moment of the tick, on
+    `rigid` at its end. `touches`: the feet that came down during the tick, in order. `path` (substeps, 14): q and dq at
+    each substep's end, for sensors that are faster than a tick; None if nobody asked for it or no tick was walked.
     """
 
     q: Array
