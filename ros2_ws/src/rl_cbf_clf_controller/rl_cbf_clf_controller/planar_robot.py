@@ -1,12 +1,13 @@
 """A planar robot that stands on one point foot, as CasADi expressions of q, q' and the robot's parameters.
 
 With q = (x, z, pitch, joints), rotations about +y, theta the links' inertial parameters and every link's origin p,
-angle phi, mass moment c~ = R(phi) m c and dc~/dphi = c~',
+angle phi, mass moment c~ = R(phi) m c and e = dc~/dphi,
 
-    tau = sum over links  p_q' (m (p'' + g) + phi'' c~' - phi'^2 c~) + phi_q' (I phi'' + c~'' (p'' + g))
+    tau = sum over links  P^T (m (p'' + g) + phi'' e - phi'^2 c~) + Phi^T (I phi'' + e^T (p'' + g)),
 
-is the Newton-Euler equation projected on q; it is linear in theta and in q'', which gives M, bias forces and regressor.
-The stance foot is held by its Jacobian J = (1, J_r): q'' = N z + n_0, N = (-J_r; 1), n_0 = (-J-dot q-dot; 0) and
+P and Phi the Jacobians of p and phi in q, g upwards, is the Newton-Euler equation projected on q; it is linear in
+theta and in q'', which gives M, bias forces and regressor. The stance foot is held by its Jacobian J = (1, J_r):
+q'' = N z + n_0, N = (-J_r; 1), n_0 = (-J-dot q-dot; 0) and, ' for the transpose,
 
     N' M N z = N' (B u - h - M n_0);
 
