@@ -15,7 +15,7 @@ A rapidly exponentially stabilising control Lyapunov function (RES-CLF) of outpu
     eta = (y, ..., y^(r-1)),   eta-dot = F eta + G y^(r),   F a chain of r integrators for each of m outputs
     V = eta' P_eps eta,  P_eps = E P_0 E,  E = diag(1/eps^(r-1), ..., 1/eps, 1)
     A_0' P_0 + P_0 A_0 = -I,  A_0 = F + G K_0,  K_0 the gains at eps = 1
-    condition:  V-dot + (rate / eps) V <= 0,  rate = 1 / max eig P_0
+    condition:  V-dot + (clf_rate / eps) V <= 0,  clf_rate = 1 / max eig P_0
 
 With K = K_0 E / eps the closed loop A = F + G K satisfies A' P_eps + P_eps A = -E^2 / eps, so the condition holds at
 y^(r) = K eta for every eta.
@@ -104,7 +104,7 @@ class ResClf:
         p_0 = solve_continuous_lyapunov(closed.T, -np.eye(degree))
         identity = ca.DM.eye(outputs)
         scaling = ca.diag(ca.vertcat(*(ca.SX(eps) ** -k for k in range(degree - 1, -1, -1))))
-        self.rate = float(1 / np.linalg.eigvalsh(p_0).max()) / eps  # 1/s: of V
+        self.rate = float(1 / np.linalg.eigvalsh(p_0).max()) / eps  # clf_rate / eps, 1/s
         self.F = ca.kron(ca.DM(chain), identity)
         self.G = ca.kron(ca.DM(np.eye(degree)[:, -1:]), identity)
         self.P = ca.kron(scaling @ ca.DM(p_0) @ scaling, identity)
@@ -136,7 +136,7 @@ class Clf:
     in_mu: bool = True
 
     def on(self, system: System) -> Quantity:
-        """V-dot as a quantity, for r > 2 with (rate / eps) V; raises DegreeError."""
+        """V-dot as a quantity, for r > 2 with (clf_rate / eps) V; raises DegreeError."""
         degree, m = len(self.gains), self.y.numel()
         chain = system.derivatives("the outputs of the CLF", self.y, degree)
         eta, y_r = ca.vertcat(*chain[:-1]), system.affine(chain[-1])
