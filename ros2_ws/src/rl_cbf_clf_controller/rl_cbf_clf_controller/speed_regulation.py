@@ -17,7 +17,7 @@ median of the last REMEMBERED ones, of which the first is 0: what a push does to
 Second: what does the rate of the phase angle omega after the impact ask for? It is the state on the Poincare section,
 and answers to the step's gait at once. With omega_d the periodic gait's,
 
-    gamma_{k+1} = clip(Gamma + K_P (omega_d - omega)),    abs(gamma_{k+1} - gamma_k) <= MOST,
+    gamma_{k+1} = clip(clip(Gamma) + K_P (omega_d - omega)),    abs(gamma_{k+1} - gamma_k) <= MOST,
 
 where clip is to the slopes that the library has gaits for.
 

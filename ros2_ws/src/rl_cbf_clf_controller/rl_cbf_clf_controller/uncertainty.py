@@ -1,8 +1,8 @@
 """The paper's three learning problems: which quantities' errors are learned, from what, in which units.
 
-Quantities: `V` (V-dot, 1/s), `B1`, `B2` (second derivatives of the barriers, m/s^2), `C1` (normal force F_N of the
-stance foot, N), `C2` (its tangential force F_T, N). The rows of the unilateral and the friction constraint are built
-from F_N and F_T; see docs/differences_from_paper.md.
+Quantities: `V` (V-dot, rad^2/s^3), `B1`, `B2` (second derivatives of the barriers, m/s^2), `C1` (normal force F_N of
+the stance foot, N), `C2` (its tangential force F_T, N). The rows of the unilateral and the friction constraint are
+built from F_N and F_T; see docs/differences_from_paper.md.
 
 In the first approach the quantities are the outputs' accelerations `y1` to `y4` (rad/s^2), and alpha, beta are not an
 estimate but an input: u = u~(mu) + (LgLfh)^-1 (alpha mu + beta) [approach1_input].

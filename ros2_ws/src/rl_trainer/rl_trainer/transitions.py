@@ -6,7 +6,7 @@ A quantity is measured by one numerical difference over the tick [SectionRL, Rem
 
 and the stance foot's force is the one averaged over that tick; each quantity's `measure` says so, and the controller
 publishes it. A difference across a change of stance means nothing.
-V is quadratic in dy, so the difference of V is off by dt |G y''|^2 in the metric P; so the known gradient of V takes
+V is quadratic in eta, so the difference of V is off by dt |eta-dot|^2 in the metric P. So the known gradient of V takes
 the difference of dy instead: V-dot = LfV + LgV (dy' - dy) / dt.
 
 A difference is a mean over the tick, in which the torque is held and the state moves on; so the nominal value that it
