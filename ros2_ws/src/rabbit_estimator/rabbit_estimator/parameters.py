@@ -39,7 +39,7 @@ class EstimatorParameters(Checked):
     first_speed: Positive = Field(0.01, description="std of the stance foot's speed at the start, m/s")
     shock_rate: Positive = Field(4.0, description="a stance leg's joint rate over the hip's speed, in a shock, rad/m")
     shock_acceleration: Positive = Field(
-        8.0, description="a stance leg's joint acceleration over the hip's speed, in a shock, rad/m"
+        8.0, description="a stance leg's joint acceleration over the hip's, in a shock, rad/m"
     )
     swing_shock: Positive = Field(3.0, description="factor on shock_rate and shock_acceleration in the swing leg")
     shock_measured: Positive = Field(

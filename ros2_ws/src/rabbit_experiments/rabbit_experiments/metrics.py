@@ -2,7 +2,7 @@
 
 Forces are the true ones at the tick's beginning, the mean over the tick before, on the foot that stands. A landing
 happens in the tick before the one that swaps the legs, so in ticks of 10 ms the whole mean is more than 30 ms after
-the impact from the fourth tick of a step on; earlier ticks are "at impact". A force violation is a later tick over the
+the impact from the fifth tick of a step on; earlier ticks are "at impact". A force violation is a later tick over the
 cone (with F_N > 20 N) or without a push from the ground (F_N <= 0, "lost").
 """
 

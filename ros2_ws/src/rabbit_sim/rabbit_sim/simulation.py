@@ -304,8 +304,8 @@ class Simulation:
 def flight_ticks(parameters: SimulationParameters, dropped: float = 0.0) -> int:
     """Without a foot on the ground, so many are a flight: 50 ms, or half a period of the robot on its ground.
 
-    Ground of stiffness k that has carried nearly three times the weight of the mass m throws it back for 0.55 of a
-    period 2 pi sqrt(m / k); it comes down again. On a stone that has `dropped`, m, longer by the fall onto it.
+    Ground of stiffness k that has carried nearly three times the weight of the mass m throws it back for half a period
+    pi sqrt(m / k); it comes down again. On a stone that has `dropped`, m, longer by the fall onto it.
     """
     half_period = pi * sqrt(true_mass(parameters) / parameters.ground_stiffness)
     fall = sqrt(2 * dropped / GRAVITY)

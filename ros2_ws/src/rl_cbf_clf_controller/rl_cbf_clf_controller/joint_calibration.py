@@ -19,8 +19,9 @@ as long as the mean square of the innovations, of what the offsets of the tick b
 below STILL^2. At first an innovation says more of the offsets, which are hardly known yet, than of the ground; so each
 counts by the share that the offsets' covariance does not explain. With bent links on hard ground their rms is below
 0.007 m/s, on ground of 1e4 N/m with 5e3 to 9e3 N s/m 0.02 m/s. From MOVING on the offsets do not count, between the two
-they fade out. They do not come back in that episode. Noise of the rates is no motion: by the legs' lengths it puts
-2.4 sigma^2 into the foot's velocity, and twice that is forgiven, for sigma is known from a few ticks at first.
+they fade out. They do not come back in that episode. Noise of the rates is no motion: by the legs' lengths that of
+pitch, hip and knee puts 1.4 sigma^2 into the foot's velocity, and over three times that is forgiven, for sigma is known
+from a few ticks at first.
 """
 
 from collections.abc import Mapping
