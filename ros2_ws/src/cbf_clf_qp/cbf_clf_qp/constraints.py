@@ -87,7 +87,7 @@ def ecbf_gains(poles: Sequence[Number]) -> list[Number]:
 class ResClf:
     """The matrices of a RES-CLF for `outputs` outputs of relative degree `len(gains)`; y^(r) = -gains . eta at eps = 1.
 
-    `eps`: in (0, 1]; `gains`: (K_r, ..., K_1), lowest derivative first. Raises ValueError where the gains do not
+    `eps`: positive; `gains`: (K_r, ..., K_1), lowest derivative first. Raises ValueError where the gains do not
     stabilise the chain of integrators, or eps is not positive.
     """
 
