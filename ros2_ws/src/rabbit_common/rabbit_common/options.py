@@ -19,7 +19,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import UnionType
-from typing import Annotated, Any, Literal, NoReturn, TypeVar, get_args, get_origin
+from typing import Annotated, Any, Literal, NoReturn, TypeVar, Union, get_args, get_origin
 
 import typer
 from pydantic import BaseModel, Field, ValidationError
@@ -263,6 +263,6 @@ def _metavar(annotation: Any) -> str:
         return "|".join(map(str, get_args(annotation)))
     if get_origin(annotation) in (tuple, list):
         return f"{_metavar(get_args(annotation)[0])},..."
-    if get_origin(annotation) is UnionType:  # with None
+    if get_origin(annotation) in (UnionType, Union, Annotated):  # with None, or with a check
         return _metavar(get_args(annotation)[0])
     return {float: "NUMBER", int: "COUNT", str: "NAME", Path: "PATH"}.get(annotation, "VALUE")

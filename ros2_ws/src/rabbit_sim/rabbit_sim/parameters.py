@@ -3,9 +3,9 @@
 import math
 from functools import cache
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 from rabbit_description import ABOUT_TASK, DEFAULT_GAIT
 from rabbit_description.plugins import names
 from rabbit_description.state import TICK_SECONDS
@@ -17,6 +17,7 @@ from rabbit_sim.perturbations import KINDS
 from rabbit_sim.plant import FARTHEST_EDGE, HIGHEST_TOP, SUBSTEP_SECONDS
 
 PLANTS = "rabbit.plants"  # entry points; see rabbit_description.plugins
+SLOWEST = 1e-6  # pace: a tick of some hours
 USUAL = "pybullet" if find_spec("pybullet") else "mujoco"  # PyBullet has no wheel from Python 3.12 on
 if TYPE_CHECKING:
     PlantName = str
@@ -123,6 +124,16 @@ def marked(mark: str) -> list[str]:
     return [name for name, field in SimulationParameters.model_fields.items() if mark in field.metadata]
 
 
+def countable(pace: float) -> float:
+    """This pace; raises `ValueError` where a tick would last longer than a timer can count."""
+    if 0 < pace < SLOWEST:
+        raise ValueError(f"0, or at least {SLOWEST:g}")
+    return pace
+
+
+Pace = Annotated[float, Field(ge=0, le=100), AfterValidator(countable)]
+
+
 class PlayerParameters(Checked):
     """Parameters of who plays episodes, besides the plant's: how many, their pace, and how long is waited for whom."""
 
@@ -141,7 +152,7 @@ class PlayerParameters(Checked):
     )
     start_paused: bool = Field(False, description="wait for the pause service to let the first episode begin")
     readers: int = Field(1, ge=1, le=100, description="nodes that must hear the state before an episode begins")
-    pace: float = Field(0.0, ge=0, le=100, description="times real time at most; 0: no limit in lock-step; dynamic")
+    pace: Pace = Field(0.0, description="times real time at most; 0: no limit in lock-step; dynamic")
     real_time: bool = Field(False, description="a tick takes its time (over pace) by the wall clock, answered or not")
     held_ticks: int = Field(
         2, ge=0, le=1000, description="real time: how old a torque may be that stands in for late ones"

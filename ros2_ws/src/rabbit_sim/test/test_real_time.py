@@ -6,6 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
+from rabbit_description.state import TICK_SECONDS
+from rabbit_sim.parameters import SLOWEST, PlayerParameters
 from rabbit_sim.real_time import LATE_SECONDS, WINDOW, Punctuality, Source, StandIn
 from rabbit_sim.restart_file import RestartFile, RestartPoint
 
@@ -61,6 +64,13 @@ def test_no_torque_acts_that_answers_a_state_of_more_ticks_ago(lag: int) -> None
     assert stand_in.gave_up == (lag > 2)  # then no answer counts
     stand_in.begin()
     assert not stand_in.gave_up
+
+
+@pytest.mark.parametrize("pace", [5e-324, 1e-12, SLOWEST / 2])
+def test_a_pace_whose_tick_no_timer_can_count_is_refused(pace: float) -> None:
+    with pytest.raises(ValidationError, match="at least"):
+        PlayerParameters(pace=pace)
+    assert TICK_SECONDS / PlayerParameters(pace=SLOWEST).pace * 1e9 < 2**63  # a timer's ns
 
 
 def test_fitness_is_the_share_of_late_ticks_in_the_newest_minute() -> None:

@@ -16,7 +16,7 @@ from rabbit_description import ABOUT_TASK
 from rabbit_description.validation import Checked
 from rabbit_estimator.parameters import EstimatorParameters
 from rabbit_experiments.conditions import ABOUT_PARAMETERS
-from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.parameters import Pace, SimulationParameters
 from rabbit_viewer.page import PORT
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
@@ -52,8 +52,8 @@ class WalkOptions(Checked):
         le=99,
         description="SCHED_FIFO priority of simulator and controller, where permitted; of the others 10 less; 0: none",
     )
-    pace: float | None = Field(
-        None, ge=0, le=100, description="lock-step: times real time at most; 0: no limit (default: 0; with --view 1)"
+    pace: Pace | None = Field(
+        None, description="lock-step: times real time at most; 0: no limit (default: 0; with --view 1)"
     )
     view: bool = Field(False, description="serve a live view beside the walk")
     view_port: int = Field(PORT, ge=0, le=65535, description="port of the live view; 0: any free one")
