@@ -98,7 +98,8 @@ def model_error(terms: Terms) -> NumpyFunction:
     """`alpha` (n, m), `beta` (n,), `output_error` (m, m + 1) of (x, p, other): the parameters of another model.
 
     The other model says how the state moves. What a barrier or an output is of a state does not change with it, nor do
-    its lower derivatives, but for relative degrees of 3 or more. The error is zero where the two models are the same.
+    its lower derivatives, but for relative degrees of 3 or more. The error is zero where the two models are the same;
+    that of the outputs also where they are not as many as the inputs, so that y^(r) is not mu.
     """
     system, other = terms.system, ca.SX.sym("other", terms.system.p.numel())
     (x_dot,) = ca.substitute([system.x_dot], [system.p], [other])
@@ -115,7 +116,7 @@ def model_error(terms: Terms) -> NumpyFunction:
             y_r = rate if is_output else y_r
     error = Affine.stacked(values).after(terms.control) - terms.nominal
     delta = Affine(ca.SX.zeros(terms.inputs, terms.inputs), ca.SX.zeros(terms.inputs))
-    if y_r and terms.outputs:
+    if y_r and terms.outputs and terms.outputs.a.is_square():
         delta = y_r.after(terms.control) - terms.outputs.after(terms.control)
     outputs = {"alpha": error.a, "beta": error.b, "output_error": ca.horzcat(delta.a, delta.b)}
     inputs = {"x": system.x, "p": system.p, "other": other}

@@ -11,6 +11,7 @@ from cbf_clf_qp.constraints import Barrier, Clf
 from cbf_clf_qp.estimates import measure, model_error
 from cbf_clf_qp.quantity import Quantity, Terms
 from cbf_clf_qp.system import DegreeError, System, mechanical
+from cbf_clf_qp.tick import Tick
 
 OUTPUTS: dict[str, Callable[[Any], ca.SX]] = {
     "cart": lambda s: ca.sin(s["x"]) * s["wall"] - s["v"] ** 2 * s["mass"],
@@ -233,3 +234,16 @@ def test_an_oracles_row_of_degree_4_is_that_of_the_true_model() -> None:
         expected = values(x, u, true).full().ravel()
         assert nominal + found.alpha @ m + found.beta == pytest.approx(expected[:2], rel=1e-9, abs=1e-9)
         assert m + found.output_error @ [*m, 1] == pytest.approx(expected[2:], rel=1e-9, abs=1e-9)
+
+
+def test_outputs_that_are_fewer_than_the_inputs_have_no_error_and_the_quantities_have_theirs() -> None:
+    """A puck of another mass, x'' = u_1 / m: so of u the error of V-dot is (m / m' - 1) times its nominal slope."""
+    names = ("x", "z", "vx", "vz", "m")
+    x, z, vx, vz, m = (ca.SX.sym(name) for name in names)
+    u = ca.SX.sym("u", 2)
+    puck = System(ca.vertcat(x, z, vx, vz), u, ca.vertcat(vx, vz, u / m), [m])
+    tick, at, model = Tick(puck, [Clf(x), Barrier("wall", 1 - z, (4, 4))]), np.array([0.3, 0.1, -0.2, 0.4]), np.ones(1)
+    found = model_error(tick.terms)(at, model, 2 * model)
+    assert found.alpha == pytest.approx(-tick.look(at, model).nominal_a / 2, abs=1e-12)
+    assert found.beta == pytest.approx(0, abs=1e-12)
+    assert found.output_error.tolist() == np.zeros((2, 3)).tolist()
