@@ -43,7 +43,7 @@ from rl_trainer.parameters import TrainingParameters
 from rl_trainer.reward import reward
 from rl_trainer.transitions import Transition, TransitionBuilder
 
-from rabbit_experiments.assembly import make_simulation
+from rabbit_experiments.assembly import Assembly, make_simulation
 
 Rows = NDArray[Any]
 Draw = Callable[[SimulationParameters, int], SimulationParameters]
@@ -95,7 +95,7 @@ class EpisodesEnv(VectorEnv[Rows, Rows, Rows], ABC):
         self._begin(ended.nonzero()[0].tolist())
         self._observations = self._look()
         rewards, failed = self.score()
-        infos = self.infos | ({"final_obs": last, "_final_obs": ended} if ended.any() else {})
+        infos = self.infos | ({"final_obs": last.copy(), "_final_obs": ended} if ended.any() else {})
         return self._observations, rewards, failed, ended & ~failed, infos
 
     def _look(self) -> Rows:
@@ -216,13 +216,17 @@ class VectorWalkingEnv(WalkingEnv):
         robots: int,
         draw: Draw = lambda plant, seed: plant,
     ) -> None:
-        """Raises ValueError: no robot, another plant than MuJoCo's, or a controller with an adaptation."""
+        """Raises ValueError: no robot, another plant than MuJoCo's, or a controller with an adaptation.
+
+        `AssemblyError`, which is one too: a controller on stones and a plant without, or ticks of another length.
+        """
         if robots < 1:
             raise ValueError(f"robots = {robots}: expected at least 1")
         if plant.plant != "mujoco":
             raise ValueError(f"plant = {plant.plant}: expected mujoco")
         if controller.adaptation != "none":
             raise ValueError(f"adaptation = {controller.adaptation}: expected none in a vector environment")
+        Assembly(plant, controller, "zero")
         self.parameters, self._units = parameters, LearnerUnits(parameters)
         self._builder = TransitionBuilder(parameters)
         zero = ZeroPolicy(controller.problem)  # the actions take its place

@@ -17,6 +17,7 @@ from rabbit_description.state import StonePreview
 from rabbit_experiments.assembly import Assembly, make_simulation, resolve_policy
 from rabbit_experiments.batch_evaluation import walk_together
 from rabbit_experiments.evaluation import forget_parts, walk
+from rabbit_experiments.registered import make_vector
 from rabbit_experiments.vector_environment import LearnerUnits, VectorWalkingEnv
 from rabbit_sim.batch_simulation import BatchSimulation
 from rabbit_sim.parameters import SimulationParameters
@@ -308,3 +309,21 @@ def test_gymnasium_makes_it_by_its_name_and_finds_no_fault() -> None:
         if failed or cut:
             break
     assert failed or cut
+
+
+@pytest.mark.parametrize(
+    ("plant", "text"), [({"terrain": "flat"}, "expected stones"), ({"tick_seconds": 0.005}, "expected the contr")]
+)
+def test_gymnasium_makes_no_plant_that_its_controller_does_not_fit(plant: dict[str, Any], text: str) -> None:
+    with pytest.raises(ValueError, match=text):
+        make_vector(2, **plant)
+
+
+def test_what_an_episode_read_last_is_no_part_of_what_was_given_before() -> None:
+    """Who changes the one does not change the other: an episode may end in its first tick."""
+    env = make_vector(1, stones=1)
+    before, _ = env.reset(seed=5)
+    while "final_obs" not in (infos := (stepped := env.step(np.full((1, 25), np.nan)))[4]):
+        before = stepped[0]
+    assert np.array_equal(infos["final_obs"], before)
+    assert not np.shares_memory(infos["final_obs"], before)
