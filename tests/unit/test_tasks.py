@@ -103,6 +103,10 @@ def test_the_state_after_the_last_tick_counts(task, tmp_path):
         ({"true": {"mass": np.nan}}, "mass = nan"),
         ({"start": ((0,), (0,))}, "start = "),
         ({"start": ((1, 0), (0, 0))}, "start = "),
+        ({"start": ((np.nan, 0), (np.nan, 0))}, "start = "),
+        ({"start": ((0, 0), (0, np.inf))}, "start = "),
+        ({"start": ((0, 0),)}, "start = "),
+        ({"commands": lambda rng: lambda t: {"target": "far"}}, "commands = {'target': 'far'}"),
         ({"seconds": 0.0}, "seconds = 0.0"),
         ({"limit": (1.0, 2.0)}, "limit = (1.0, 2.0)"),
         ({"coordinates": ("a", "b", "c")}, "coordinates = "),
@@ -260,6 +264,15 @@ def test_the_commands(cart, task, tmp_path):
     code, said = typed("bag", "check", bag, "--task", cart)
     assert code == 1
     assert "differ" in said
+
+
+@pytest.mark.parametrize("processes", [1, 2])
+@pytest.mark.parametrize(("wrong", "said"), [("float('nan')", "nan"), ("'far'", "'far'")])
+def test_commands_that_go_wrong_on_the_way_are_named_in_one_line(cart, tmp_path, wrong, said, processes):
+    cart.write_text(CART.replace('"target": 1.2', f'"target": 1.2 if t < 0.5 else {wrong}'))
+    words = ("--rides", 1, "--jobs", processes, "--out", tmp_path / "e")
+    code, text = typed("evaluate", "--task", cart, *words)
+    assert (code, text.splitlines()[-1]) == (2, f"rabbit: commands = {{'target': {said}}}: expected finite numbers")
 
 
 def test_a_benchmark_goes_from_the_nominal_plant_beyond_the_true_one(cart, tmp_path):

@@ -151,7 +151,7 @@ class LazyGroup(TyperGroup):
         """Run the command; a signal that it does not answer ends it with the shell's code.
 
         What the system refuses, as a full or read-only disk does, ends it with one line; so does what is
-        not installed, and an error in a person's own task or plugin.
+        not installed, and an error in a person's own task or plugin, or of what a task's commands give.
         """
         try:
             return super().invoke(ctx)
@@ -167,9 +167,10 @@ class LazyGroup(TyperGroup):
             ctx.exit(of_interrupt(error))
         except Exception as error:
             from rabbit_description.plugins import PluginError
+            from rabbit_description.task import TaskError
             from rabbit_description.user_code import fault_in_user_code
 
-            where = str(error) if isinstance(error, PluginError) else fault_in_user_code(error)
+            where = str(error) if isinstance(error, PluginError | TaskError) else fault_in_user_code(error)
             if not where:
                 raise
             _fail(where)

@@ -166,8 +166,10 @@ class ControlTask:
                 raise TaskError(f"{name} = {', '.join(strange)}: expected {one_of(strange[0], known)}")
             if wrong := [f"{key} = {value}" for key, value in values.items() if not math.isfinite(value)]:
                 raise TaskError(f"{name}: {', '.join(wrong)}: expected finite numbers")
-        if any(len(bound) != n for bound in self.start) or np.any(np.greater(*self.start)):
-            raise TaskError(f"start = {self.start}: expected the least and the greatest state, {n} numbers each")
+        if [len(bound) for bound in self.start] != [n, n] or not all(
+            -math.inf < least <= most < math.inf for least, most in zip(*self.start, strict=True)
+        ):
+            raise TaskError(f"start = {self.start}: expected the least and the greatest state, {n} finite numbers each")
         if self.limit is not None and not (isinstance(self.limit, int | float) and 0 <= self.limit < math.inf):
             raise TaskError(f"limit = {self.limit}: expected a number from 0 on, which holds for each input")
         if not 0 < self.seconds <= self.duration < math.inf:
@@ -249,7 +251,10 @@ class ControlTask:
             names, expected = ", ".join(sorted(commanded)) or "nothing", ", ".join(self.commanded) or "nothing"
             raise TaskError(f"commands give {names}: expected {expected}")
         values = {**self.nominal, **of_plant, **commanded}
-        p = np.array([values[name] for name in self.system.named])
+        try:
+            p = np.array([float(values[name]) for name in self.system.named])
+        except (TypeError, ValueError):
+            p = np.array(math.nan)
         if not np.isfinite(p).all():
             raise TaskError(f"commands = {dict(commanded)}: expected finite numbers")
         return p
