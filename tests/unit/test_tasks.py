@@ -275,6 +275,14 @@ def test_commands_that_go_wrong_on_the_way_are_named_in_one_line(cart, tmp_path,
     assert (code, text.splitlines()[-1]) == (2, f"rabbit: commands = {{'target': {said}}}: expected finite numbers")
 
 
+def test_a_task_without_a_barrier_has_no_picture_of_margins(cart, tmp_path):
+    cart.write_text(CART.replace(', Barrier("wall", 1 - x, poles=(4.0, 4.0))', ""))
+    code, said = typed("evaluate", "--task", cart, "--rides", 1, "--jobs", 1, "--out", tmp_path / "e")
+    assert code == 0, said
+    assert {row["kept"] for row in csv.DictReader((tmp_path / "e" / "runs.csv").open())} == {"True"}
+    assert not (tmp_path / "e" / "margins.png").exists()
+
+
 def test_a_benchmark_goes_from_the_nominal_plant_beyond_the_true_one(cart, tmp_path):
     """The nominal controller keeps the wall where its model is right; any number of processes says the same."""
     said = {}

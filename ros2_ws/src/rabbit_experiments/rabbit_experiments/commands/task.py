@@ -211,7 +211,8 @@ def write_results(
     with complaints(OSError):
         replace_table(folder / "runs.csv", rows)
         replace_text(folder / "summary.json", json.dumps({"task": task.name, **summary}, indent=2))
-        load("rabbit.pictures", "margins")(task, ridden, folder / "margins.png")
+        if barriers or task.impact:
+            load("rabbit.pictures", "margins")(task, ridden, folder / "margins.png")
     print(f"written {folder}")
 
 
