@@ -191,6 +191,7 @@ def test_a_foot_beside_its_stone_finds_no_ground(tmp_path):
         ("{hip: right_hip,", "{knee: right_hip,", "expected foot and joints by the same names"),
         ("phase_range: [-0.2527,", "phase_range: [0.2527,", "expected a sum that grows"),
         ("limit: 100", "limits: -1", "limits"),
+        ("urdf: three_link_walker.urdf", "urdf: no.urdf", "urdf no.urdf: No such file"),
         ("limit: 100", "limit: 100\nstones: {nearest: 0.4, farthest: 0.3}", "expected nearest <= farthest"),
     ],
 )

@@ -24,7 +24,7 @@ from cbf_clf_qp.functions import Array, NumpyFunction, packed
 from cbf_clf_qp.quantity import Constrained, Rows, Terms
 from cbf_clf_qp.system import solved
 from pydantic import Field, field_validator, model_validator
-from rabbit_description.bounded_file import read_text
+from rabbit_description.bounded_file import FileError, read_text
 from rabbit_description.planar_urdf import BASE, SLIDES, with_planar_base
 from rabbit_description.task import Announced, ControlTask, Disc, Impact, Limit, Line, Shape, TaskError
 from rabbit_description.validation import Checked, one_line, one_of
@@ -146,7 +146,10 @@ def read_walker(path: Path, beneath: Mapping[str, Any] = MappingProxyType({})) -
     """What a walker's file and its URDF say, and `beneath` what the file does not; raises `TaskError`."""
     try:
         file = WalkerFile.model_validate({**beneath, **read_mapping(path)})
-        urdf = read_text(path.parent / file.urdf, MOST_BYTES)
+        try:
+            urdf = read_text(path.parent / file.urdf, MOST_BYTES)
+        except FileError as error:
+            raise FileError(f"urdf {file.urdf}: {error}") from error
         return PlanarWalker(path.stem, with_planar_base(urdf), file)
     except ValueError as error:  # also of what reads files, URDFs and models
         raise TaskError(f"walker {path}: {one_line(error)}") from error
