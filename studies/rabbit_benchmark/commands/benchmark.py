@@ -11,7 +11,7 @@ from rabbit_description.state import TICK_SECONDS
 from rabbit_description.tick import ABOUT_TICK
 from rabbit_description.validation import one_of
 from rabbit_experiments.conditions import ABOUT_BATCH, BATCH, Cluster, Jobs, who_runs
-from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.parameters import USUAL, SimulationParameters
 
 app = typer.Typer(add_completion=False)
 
@@ -38,7 +38,7 @@ def benchmark(
     ] = "exact",
     against: Annotated[str, typer.Option(help="method that the others are compared with")] = "identified",
     out: Annotated[Path, typer.Option(help="folder of the results; what was stopped goes on")] = Path("runs/benchmark"),
-    plant: Annotated[Literal["pybullet", "mujoco"], typer.Option(help="physics engine")] = "pybullet",
+    plant: Annotated[Literal["pybullet", "mujoco"], typer.Option(help="physics engine")] = USUAL,
     tick_seconds: Annotated[float, typer.Option(help=ABOUT_TICK)] = TICK_SECONDS,
     batch: Annotated[int, typer.Option(min=1, max=4096, help=ABOUT_BATCH)] = BATCH,
     jobs: Jobs = None,

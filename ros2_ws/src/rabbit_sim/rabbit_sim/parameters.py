@@ -18,7 +18,9 @@ from rabbit_sim.plant import FARTHEST_EDGE, HIGHEST_TOP, SUBSTEP_SECONDS
 
 PLANTS = "rabbit.plants"  # entry points; see rabbit_description.plugins
 SLOWEST = 1e-6  # pace: a tick of some hours
-USUAL = "pybullet" if find_spec("pybullet") else "mujoco"  # PyBullet has no wheel from Python 3.12 on
+USUAL: Literal["pybullet", "mujoco"] = (  # PyBullet has no wheel from Python 3.12 on
+    "pybullet" if find_spec("pybullet") else "mujoco"
+)
 if TYPE_CHECKING:
     PlantName = str
     Perturbed = Any  # the fields of `perturbations/`
