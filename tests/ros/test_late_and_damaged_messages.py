@@ -159,6 +159,21 @@ def begin(node: TrainerNode) -> None:
     assert node._started
 
 
+def test_an_episode_of_another_tick_is_neither_estimated_nor_learned_from(ros: None) -> None:
+    """Rates of change would be wrong by the ratio of the two ticks, and nobody would see it."""
+    told = Episode(episode=1, phase=Episode.RUNNING, sigma=math.nan, tick_seconds=0.005)
+    with closing_node(EstimatorNode()) as estimator:
+        callbacks(estimator)["episode"](bytes(serialize_message(told)))
+        for topic in ("measured", "joint_states", "imu"):
+            callbacks(estimator)[topic](bytes(serialize_message(SOUND[topic][0])))
+        assert np.isnan(estimator._answer.q).all()
+    with closing_node(TrainerNode()) as trainer:
+        callbacks(trainer)["episode"](bytes(serialize_message(told)))
+        trainer._look()
+        assert "tick_seconds = 0.005 of the simulator; this node has 0.01" in trainer._message_counter.last_refusal
+        assert not trainer._started
+
+
 def test_a_second_trainer_is_refused_until_the_first_one_has_ended(ros: None) -> None:
     with closing_node(TrainerNode()), pytest.raises(StartError, match="another trainer of this machine publishes /ep"):
         TrainerNode()

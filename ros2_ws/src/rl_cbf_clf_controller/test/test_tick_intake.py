@@ -21,7 +21,7 @@ def test_an_episode_of_another_tick_ends_and_both_are_named(seconds: float) -> N
     intake.announce(Episode(episode=1, phase=Episode.RUNNING, sigma=math.nan, tick_seconds=seconds))
     fault = intake.take(RobotState(episode=1, running=True, foot_force=np.zeros(4), **STATE))
     same = seconds == 0.01
-    assert fault == ("" if same else "tick_seconds = 0.005 of the simulator; this controller has 0.01")
+    assert fault == ("" if same else "tick_seconds = 0.005 of the simulator; this node has 0.01")
     assert (intake.held is not None) == same
 
 

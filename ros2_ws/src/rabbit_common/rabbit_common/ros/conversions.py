@@ -141,10 +141,10 @@ def is_new_simulator(message: msg.Episode) -> bool:
 
 
 def other_tick(message: msg.Episode, seconds: float) -> str:
-    """Why a controller whose ticks are so many `seconds` apart cannot walk this episode; empty: it can."""
+    """Why a node whose ticks are so many `seconds` apart cannot follow this episode; empty: it can."""
     if message.tick_seconds == seconds:
         return ""
-    return f"tick_seconds = {message.tick_seconds:g} of the simulator; this controller has {seconds:g}"
+    return f"tick_seconds = {message.tick_seconds:g} of the simulator; this node has {seconds:g}"
 
 
 def check_plan(message: msg.EpisodePlan, done: Collection[int]) -> None:

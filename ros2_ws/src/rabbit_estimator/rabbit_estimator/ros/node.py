@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from rabbit_common.message_checks import Refused, check_finite, check_lengths, check_turn, doubles
 from rabbit_common.priority import scheduling, take_priority
-from rabbit_common.ros.conversions import LENGTHS, Announcements, imu_of, joints_of, nanoseconds
+from rabbit_common.ros.conversions import LENGTHS, Announcements, imu_of, joints_of, nanoseconds, other_tick
 from rabbit_common.ros.diagnostics import OK, WARN, Diagnostics, Status
 from rabbit_common.ros.parameters import declare, refuse_unknown
 from rabbit_common.ros.qos import EVENT, TICK
@@ -48,7 +48,7 @@ class EstimatorNode(SimulatorFollower):
         parameters = declare(self, EstimatorParameters)
         refuse_unknown(self)
         take_priority(node_parameters.priority, self.get_logger().warning)
-        self._estimator = ContactAidedFilter(parameters)
+        self._estimator, self._tick_seconds = ContactAidedFilter(parameters), parameters.tick_seconds
         self._episode, self._announcements = Episode(), Announcements()
         self._forget()
         self._states = self.create_publisher(StateMessage, "state", TICK)
@@ -95,6 +95,8 @@ class EstimatorNode(SimulatorFollower):
         self._since = time.monotonic()
         if begins and message.tick > 0:
             self._give_up(message, f"the estimator came in at tick {message.tick}, in the middle of the episode")
+        elif begins and (fault := other_tick(self._episode, self._tick_seconds)):
+            self._give_up(message, fault)
         self._go_on()
 
     def _repeat(self, message: StateMessage) -> None:

@@ -13,7 +13,7 @@ from typing import Any
 
 from pydantic import Field, create_model
 from rabbit_common.message_checks import Refused
-from rabbit_common.ros.conversions import check_episode, is_new_simulator
+from rabbit_common.ros.conversions import check_episode, is_new_simulator, other_tick
 from rabbit_common.ros.diagnostics import ERROR, OK, WARN, Diagnostics, Status
 from rabbit_common.ros.namespace_check import hold_name
 from rabbit_common.ros.network import StartError, domain
@@ -78,6 +78,7 @@ class TrainerNode(SimulatorFollower):
         default = training_parameters(task, self._seed()) if task else None
         self._training = declare(self, TrainingParameters, default=default)
         self._layout = layout_of(task) if task else LAYOUT
+        self._tick_seconds = task.seconds if task else self._training.tick_seconds
         refuse_unknown(self)
         folder = Path(parameters.folder) if parameters.folder else None
         self._published = Publishers(self, self._training, parameters.plan_episodes)
@@ -146,6 +147,8 @@ class TrainerNode(SimulatorFollower):
             self._hand_on(self._ticks.add(part, *turn, checked))
 
     def _on_episode(self, message: msg.Episode) -> None:
+        if fault := other_tick(message, self._tick_seconds):
+            raise Refused("another tick", fault)
         if self._started and message.episode <= self._ticks.done and message.phase != msg.Episode.WAITING:
             self._on_known_episode(message)
         check_episode(message, self._ticks.done if self._started else 0, self._layout)
