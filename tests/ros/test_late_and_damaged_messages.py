@@ -14,10 +14,12 @@ from typing import Any
 import numpy as np
 import pytest
 import rclpy
+from rabbit_bringup.ros.command_guard import CommandGuardNode
 from rabbit_common.ros.conversions import encoder_message, header, imu_message, preview_message, state_message
 from rabbit_common.ros.network import StartError
 from rabbit_common.ros.qos import TICK
 from rabbit_description.gait import load_gait
+from rabbit_description.state import ACTUATED
 from rabbit_estimator.ros.node import EstimatorNode
 from rabbit_msgs.msg import Episode, RobotState, TorqueCommand
 from rabbit_recording.ros.recorder import SENT, RecorderNode
@@ -28,6 +30,7 @@ from rclpy.signals import SignalHandlerOptions
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.ros.node import ControllerNode
 from rl_trainer.ros.node import TrainerNode
+from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 PARAMETERS = ControllerParameters(controller="rl-cbf-clf-qp")
@@ -69,9 +72,10 @@ SOUND = sound_messages() | sound_measurements()
 @pytest.fixture(scope="module")
 def ros(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """ROS in this process, with the parameters of all nodes."""
-    told = {"stones": 3, "motor_lag": 0.004, "controller": PARAMETERS.controller}
+    told = {"stones": 3, "motor_lag": 0.004, "controller": PARAMETERS.controller, "timeout": 60.0}
     told |= {"hidden1": 4, "hidden2": 4, "batch": 4, "updates_least": 1, "capacity": 500}
     of = {"stones": "simulator", "motor_lag": "simulator", "controller": "controller", "path": "recorder"}
+    of |= {"timeout": "command_guard"}
     told |= {"path": str(tmp_path_factory.mktemp("recorder") / "recording")}
     words = [w for name, value in told.items() for w in ("-p", f"{of.get(name, 'trainer')}:{name}:={value}")]
     rclpy.init(args=["--ros-args", *words, "--log-level", "fatal"], signal_handler_options=SignalHandlerOptions.NO)
@@ -150,6 +154,20 @@ def test_damaged_sensors_are_refused_and_change_nothing_that_comes_after(ros: No
         assert refused(estimator) == 0
         np.testing.assert_array_equal([message.q for message in states_of(estimator, 4, damage)], expected)
         assert refused(estimator) >= 4 * 4
+
+
+def test_the_guard_takes_no_other_joints_for_the_robots(ros: None) -> None:
+    """A gripper's broadcaster speaks on the same topic: it does not keep alive a robot that says nothing."""
+    gripper = JointState(name=["finger"], position=[0.0], velocity=[0.0])
+    for joints, passes in ((gripper, False), (SOUND["joint_states"][0], True)):
+        with closing_node(CommandGuardNode()) as node:
+            hears = {subscription.topic_name: subscription.callback for subscription in node.subscriptions}
+            hears["/joint_states"](bytes(serialize_message(joints)))
+            for torque in (0.0, 5.0):
+                command = JointState(name=list(ACTUATED), effort=[torque] * 4)
+                hears["/stamped_commands"](bytes(serialize_message(command)))
+            assert node._guard.acts.all() == passes
+            assert ("no joint_states" in node._guard.fault) != passes
 
 
 def begin(node: TrainerNode) -> None:

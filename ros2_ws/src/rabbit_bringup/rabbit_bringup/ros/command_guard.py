@@ -11,7 +11,7 @@ import numpy as np
 from rabbit_common.message_checks import Refused, check_finite, check_lengths, doubles
 from rabbit_common.priority import take_priority
 from rabbit_common.ros.checked_node import CheckedNode
-from rabbit_common.ros.conversions import nanoseconds
+from rabbit_common.ros.conversions import joints_of, nanoseconds
 from rabbit_common.ros.diagnostics import ERROR, OK, Diagnostics, Status
 from rabbit_common.ros.parameters import declare, refuse_unknown
 from rabbit_common.ros.spin import run, steady_timer
@@ -46,6 +46,7 @@ class CommandGuardNode(CheckedNode):
         self._commands.publish(Float64MultiArray(data=[0.0] * len(ACTUATED)))
 
     def _on_joints(self, message: JointState) -> None:
+        joints_of(message)  # a gripper's, on the same topic, do not say that the robot's still come
         self._guard.sense(nanoseconds(message.header.stamp), time.monotonic())
 
     def _on_command(self, message: JointState) -> None:
