@@ -18,6 +18,7 @@ from rl_cbf_clf_controller.fitted_policy import fitted
 from rl_cbf_clf_controller.parameters import ControllerParameters, load_parameters
 from rl_cbf_clf_controller.weights import PolicyFile, PolicyFileError, policy_path, read
 from rl_trainer.parameters import TrainingParameters
+from rl_trainer.training import Trainer
 from walked import walked
 
 TICKS = (0.01, 0.005, 0.002, 0.001)  # s
@@ -44,6 +45,15 @@ def test_a_policy_of_another_rate_is_refused() -> None:
     assert fitted(faster, FAST, gait).version != file.version
     with pytest.raises(PolicyFileError, match=r"trained with tick_seconds = 0\.005; this controller has 0\.01"):
         fitted(faster, ControllerParameters(controller="rl-cbf-clf-qp"), gait)
+
+
+def test_a_training_goes_on_from_a_policy_of_its_own_rate_alone() -> None:
+    """What it learns would be called a policy of the new rate."""
+    slow, fast = (TrainingParameters(tick_seconds=tick, hidden1=4, hidden2=4) for tick in (0.01, 0.005))
+    given = Trainer(slow).policy_file()
+    Trainer(slow).start_from(given)
+    with pytest.raises(PolicyFileError, match=r"trained_tick = 0\.01; this training has 0\.005"):
+        Trainer(fast).start_from(given)
 
 
 def test_stamps_say_the_time_at_every_rate() -> None:

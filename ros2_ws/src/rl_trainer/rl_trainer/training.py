@@ -32,7 +32,7 @@ CRITIC_FIRST = 1000  # updates with a critic that knows nothing yet, which take 
 RATE_FLOOR = 0.05  # the least share of both learning rates
 FORM = (  # of a policy file, that a training must share to go on from it
     *("problem", "names", "m", "observation", "observation_center", "observation_scale"),
-    *("hidden", "structured", "alpha_scale", "beta_scale"),
+    *("hidden", "structured", "alpha_scale", "beta_scale", "trained_tick"),
 )
 LearnerType = Callable[[TrainingParameters], Learner]
 
