@@ -123,7 +123,12 @@ def test_what_does_not_fit_is_named(task, change, text):
 
 @pytest.mark.parametrize(
     ("source", "text"),
-    [("nosuch", "rabbit.systems nosuch"), ("nosuch.py", "nosuch.py: no such file"), (__file__, "0 objects")],
+    [
+        ("", "no task is given"),
+        ("nosuch", "rabbit.systems nosuch"),
+        ("nosuch.py", "nosuch.py: no such file"),
+        (__file__, "0 objects"),
+    ],
 )
 def test_a_source_without_a_task_is_named(source, text):
     with pytest.raises(TaskError, match=text):
