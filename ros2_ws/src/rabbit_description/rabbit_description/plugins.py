@@ -31,7 +31,7 @@ def load(group: str, name: str) -> Any:
 
     Raises:
         PluginError: no installed package brings it, a library that it needs is not installed, it was written for
-            another version of a library, or its module raises an error.
+            another version of a library, its module raises an error, or has no such part.
     """
     from rabbit_description.user_code import fault_in_user_code, plugged  # pydantic: not for a list of commands
     from rabbit_description.validation import one_of
@@ -55,6 +55,8 @@ def load(group: str, name: str) -> Any:
     except Exception as error:  # it is code, and may raise anything
         if where := fault_in_user_code(error):
             raise PluginError(f"{group} {name}: {where}") from error
+        if isinstance(error, AttributeError):
+            raise PluginError(f"{group} {name}: {error}") from error
         raise
 
 
