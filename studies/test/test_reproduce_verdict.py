@@ -17,7 +17,7 @@ from rabbit_reproduce.feasibility import infeasible, measure
 from rabbit_reproduce.training import SHIPPED, TrainingJob, read_log, recipes, retrain, training_job
 from rl_cbf_clf_controller.uncertainty import RL_CLF_QP
 from rl_cbf_clf_controller.weights import policy_path, read
-from rl_trainer.checkpoint import CheckpointError
+from rl_trainer.checkpoint import CHECKPOINT, CheckpointError
 from rl_trainer.parameters import TrainingParameters
 
 COUNTS = {name: 0 for name, field in RunRow.model_fields.items() if field.annotation in (int, float)}
@@ -115,6 +115,7 @@ def test_a_training_does_not_go_on_with_another_robot_or_gait(tmp_path: Path, wh
     for _ in range(2):
         with training(out, PARAMETERS, tuning, ONE.plant):
             pass
+    (out / CHECKPOINT).touch()  # of an episode
     plant, told = ONE.plant, "gait.yaml"
     if what == "gait":
         gait.write_text(gait.read_text() + "# a remark\n")

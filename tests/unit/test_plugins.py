@@ -118,6 +118,15 @@ def test_another_packages_learner_trains_and_goes_on_where_it_was(tmp_path: Path
     assert read(tmp_path / "out" / "policy.safetensors").metadata.learner == "noted"
 
 
+def test_a_learner_that_is_not_there_is_named_and_its_folder_still_takes_another(tmp_path: Path) -> None:
+    install(tmp_path, entries=f"{ENTRY_POINTS}gone = other_package:Gone\n")
+    refused = rabbit(tmp_path, "train", *TRAINING, "--learner", "gone")
+    said = "rabbit: rabbit.learners gone: module 'other_package' has no attribute 'Gone'\n"
+    assert (refused.returncode, refused.stderr) == (2, said)
+    done = rabbit(tmp_path, "train", *TRAINING, "--episodes", "1")
+    assert done.returncode == 0, done.stderr
+
+
 BALL = EXAMPLES / "ball_on_beam.py"
 
 

@@ -112,15 +112,15 @@ def named_files(asked: Any, hash_file: Callable[[Path], str] = hash_of) -> dict[
     return hashes
 
 
-def changed_since(folder: Path, made_with: Mapping[str, str]) -> list[str]:
-    """Note what is made in `folder` with what; names that differ from what was noted there before."""
-    path = folder / MADE_WITH
-    if path.exists():
+def changed_since(made: Path, made_with: Mapping[str, str]) -> list[str]:
+    """Note beside the file `made` with what it is made; where it exists, names that differ from what was noted."""
+    path = made.with_name(MADE_WITH)
+    if made.exists() and path.exists():
         try:
             return differing(json.loads(path.read_text(encoding="utf-8")), made_with)
         except (ValueError, AttributeError, TypeError):
             return [MADE_WITH]
-    folder.mkdir(parents=True, exist_ok=True)
+    made.parent.mkdir(parents=True, exist_ok=True)
     replace_text(path, json.dumps(made_with, indent=1))
     return []
 

@@ -9,7 +9,7 @@ from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import Policy, ZeroPolicy
-from rl_trainer.checkpoint import Checkpoint, CheckpointError
+from rl_trainer.checkpoint import CHECKPOINT, Checkpoint, CheckpointError
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.session import resume
 from rl_trainer.training import EpisodeReport, LearnerType, Provenance, Trainer, make_learner
@@ -39,7 +39,7 @@ def training(
     source = Provenance(plant.model_dump(), provenance.commit(), command or provenance.command())
     asked, parts = provenance.plain((training, parameters)), provenance.plain((controller, plant))
     made_with = {"plant or controller": provenance.key_of(parts), **provenance.provenance([asked, parts])}
-    if changed := provenance.changed_since(folder, made_with):
+    if changed := provenance.changed_since(folder / CHECKPOINT, made_with):
         raise CheckpointError(f"{folder}: was begun with another {', '.join(changed)}: expected another folder")
     one = Controller(controller, gait, ZeroPolicy(controller.problem))
 
