@@ -354,6 +354,8 @@ def test_an_open_port_is_asked_for_by_name() -> None:
         assert cluster._checked(f"insecure:{address}") == address
     for address in ("tls://node7:8786", "tcp://127.0.0.1:8786", "localhost:8786", "tcp://[::1]:8786"):
         assert cluster._checked(address) == address
+    with pytest.raises(JobError, match="local:0: expected local:1 to"), cluster.connected("local:0"):
+        pass
 
 
 def test_without_dask_one_line_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -154,6 +154,8 @@ def connected(address: str) -> Iterator[Client]:
 
 
 def _checked(address: str) -> str:
+    if address.startswith("local:"):
+        raise ValueError("expected local:1 to local:9999")
     asked = address.removeprefix(INSECURE)
     place = urlsplit(asked if "://" in asked else f"tcp://{asked}")
     try:
