@@ -34,7 +34,7 @@ class Noise(Perturbation):
 
     encoder_resolution: Number = setting(0.0, 0, 0.1, "step of the measured angles, rad")
     velocity_noise: Number = setting(
-        0.0, 0, 10, "std of the measured angle rates, rad/s", Control("noise", 0.05, "rad/s", high=2, first=True)
+        0.0, 0, 10, "std of exact sensors' angle rates, rad/s", Control("noise", 0.05, "rad/s", high=2, first=True)
     )
     force_noise: Number = setting(0.0, 0, 1000, "std of the measured foot forces, N")
 
