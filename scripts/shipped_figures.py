@@ -113,8 +113,8 @@ def results() -> Page:
             f"families,",
             f"[{harm('best', 'reported')} and {harm('nominal-tuned', 'reported')}]",
             f"in {learned} of {every} rides with learned estimates, to within {beyond} mm, and in {nominal} without",
-            f"differences over all courses but that of `mixture` have p < {least} (exact McNemar test, two-sided): it "
-            f"has {mixture}.",
+            f"differences over all courses have p < {least} (exact McNemar test, two-sided), except that of `mixture`: "
+            f"p = {mixture}.",
             f"It walks {large('best', *MAPS):,} of the {courses(LARGE, *MAPS):,} courses.",
             f"walks {large('oracle-slopes', *MAPS):,}. It does not predict",
             f"{on_stones[0]} courses of {courses(LARGE, *MAPS, terrains=STONES):,} against {on_stones[1]} with",

@@ -72,12 +72,12 @@ SOUND = sound_messages() | sound_measurements()
 @pytest.fixture(scope="module")
 def ros(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """ROS in this process, with the parameters of all nodes."""
-    told = {"stones": 3, "motor_lag": 0.004, "controller": PARAMETERS.controller, "timeout": 60.0}
-    told |= {"hidden1": 4, "hidden2": 4, "batch": 4, "updates_least": 1, "capacity": 500}
+    parameters = {"stones": 3, "motor_lag": 0.004, "controller": PARAMETERS.controller, "timeout": 60.0}
+    parameters |= {"hidden1": 4, "hidden2": 4, "batch": 4, "updates_least": 1, "capacity": 500}
     of = {"stones": "simulator", "motor_lag": "simulator", "controller": "controller", "path": "recorder"}
     of |= {"timeout": "command_guard"}
-    told |= {"path": str(tmp_path_factory.mktemp("recorder") / "recording")}
-    words = [w for name, value in told.items() for w in ("-p", f"{of.get(name, 'trainer')}:{name}:={value}")]
+    parameters |= {"path": str(tmp_path_factory.mktemp("recorder") / "recording")}
+    words = [w for name, value in parameters.items() for w in ("-p", f"{of.get(name, 'trainer')}:{name}:={value}")]
     rclpy.init(args=["--ros-args", *words, "--log-level", "fatal"], signal_handler_options=SignalHandlerOptions.NO)
     yield
     rclpy.try_shutdown()
@@ -179,14 +179,14 @@ def begin(node: TrainerNode) -> None:
 
 def test_an_episode_of_another_tick_is_neither_estimated_nor_learned_from(ros: None) -> None:
     """Rates of change would be wrong by the ratio of the two ticks, and nobody would see it."""
-    told = Episode(episode=1, phase=Episode.RUNNING, sigma=math.nan, tick_seconds=0.005)
+    announcement = Episode(episode=1, phase=Episode.RUNNING, sigma=math.nan, tick_seconds=0.005)
     with closing_node(EstimatorNode()) as estimator:
-        callbacks(estimator)["episode"](bytes(serialize_message(told)))
+        callbacks(estimator)["episode"](bytes(serialize_message(announcement)))
         for topic in ("measured", "joint_states", "imu"):
             callbacks(estimator)[topic](bytes(serialize_message(SOUND[topic][0])))
         assert np.isnan(estimator._answer.q).all()
     with closing_node(TrainerNode()) as trainer:
-        callbacks(trainer)["episode"](bytes(serialize_message(told)))
+        callbacks(trainer)["episode"](bytes(serialize_message(announcement)))
         trainer._look()
         assert "tick_seconds = 0.005 of the simulator; this node has 0.01" in trainer._message_counter.last_refusal
         assert not trainer._started

@@ -98,8 +98,8 @@ def model_error(terms: Terms) -> NumpyFunction:
     """`alpha` (n, m), `beta` (n,), `output_error` (m, m + 1) of (x, p, other): the parameters of another model.
 
     The other model says how the state moves. What a barrier or an output is of a state does not change with it, nor do
-    its lower derivatives, but for relative degrees of 3 or more. The error is zero where the two models are the same;
-    that of the outputs also where they are not as many as the inputs, so that y^(r) is not mu.
+    its lower derivatives, but for relative degrees of 3 or more. The error is zero where the two models are the same.
+    `output_error` is zero, too, where outputs and inputs differ in number: then y^(r) is not mu.
     """
     system, other = terms.system, ca.SX.sym("other", terms.system.p.numel())
     (x_dot,) = ca.substitute([system.x_dot], [system.p], [other])

@@ -151,7 +151,7 @@ class LazyGroup(TyperGroup):
         """Run the command; a signal that it does not answer ends it with the shell's code.
 
         What the system refuses, as a full or read-only disk does, ends it with one line; so does what is
-        not installed, and an error in a person's own task or plugin, or of what a task's commands give.
+        not installed, and an error in a person's own task or plugin, or in what a task's commands give.
         """
         try:
             return super().invoke(ctx)

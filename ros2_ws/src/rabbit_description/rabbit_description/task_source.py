@@ -42,7 +42,7 @@ def files_of(source: str) -> tuple[Path, ...]:
 
 def _loaded(source: str) -> ControlTask:
     if not source:
-        raise TaskError("no task is given: expected a file that ends in .py or .yaml, or the name of an installed one")
+        raise TaskError("no task is given: expected a file that ends in .py or .yaml, or an installed task's name")
     path = Path(source)
     if path.suffix not in (".py", ".yaml"):
         try:

@@ -226,7 +226,7 @@ class VectorWalkingEnv(WalkingEnv):
             raise ValueError(f"plant = {plant.plant}: expected mujoco")
         if controller.adaptation != "none":
             raise ValueError(f"adaptation = {controller.adaptation}: expected none in a vector environment")
-        Assembly(plant, controller, "zero")
+        Assembly(plant, controller, "zero")  # refuses a plant that the controller does not fit
         self.parameters, self._units = parameters, LearnerUnits(parameters)
         self._builder = TransitionBuilder(parameters)
         zero = ZeroPolicy(controller.problem)  # the actions take its place

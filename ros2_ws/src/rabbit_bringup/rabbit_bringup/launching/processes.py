@@ -48,7 +48,7 @@ class Processes:
     def __init__(self, logs: Path) -> None:
         self._logs = logs
         self.running: dict[str, subprocess.Popen[bytes]] = {}
-        self._signal, self._hurry, self._is_told = 0, False, False
+        self._signal, self._hurry = 0, False
 
     @property
     def names(self) -> list[str]:
@@ -76,7 +76,6 @@ class Processes:
     def check(self) -> None:
         """Raises `NodeEnded`, with the log's last line, if a node has ended by itself; or `Interrupted`."""
         if self._signal:
-            self._is_told = True
             raise Interrupted(self._signal)
         for name, process in self.running.items():
             if (code := process.poll()) is not None:
@@ -87,7 +86,7 @@ class Processes:
         """Ends all nodes at the end, those that others listen to first. A signal before makes `check` raise.
 
         A later one, or one while they end, ends them at once. No signal raises by itself: an exception out of the
-        middle of a callback or a destructor may be lost. What `check` has not raised is raised once all have ended.
+        middle of a callback or a destructor may be lost. The exit raises it as `Interrupted`.
         """
         noted = -math.inf
 
@@ -106,7 +105,7 @@ class Processes:
                 self.stop(names)
             for number, handler in before.items():
                 signal.signal(number, handler)
-        if noted > -math.inf and not self._is_told:
+        if noted > -math.inf:
             raise Interrupted(self._signal)
 
     def stop(self, names: Sequence[str] = ()) -> None:
