@@ -1,6 +1,7 @@
 """Tasks of one's own through nodes: the same inputs as in process, swaps, refusals, and a filter before a robot."""
 
 import dataclasses
+import json
 from pathlib import Path
 from typing import Any
 
@@ -217,6 +218,10 @@ def test_rabbit_walk_learns_on_a_task_and_its_recording_replays(tmp_path: Path) 
     assert "3 of 3 episodes walked" in done.stdout
     assert len(list((out / "training" / "policies").glob("*.safetensors"))) == 3
     assert (out / "pictures" / "rows.png").is_file()
+    summary = json.loads((out / "summary.json").read_text())
+    assert (summary["task"], summary["walked"], summary["exit_code"], summary["ticks"]) == ("segway", True, 0, 2400)
+    rows = [(row["seed"], row["outcome"], row["ticks"]) for row in summary["episodes"]]
+    assert rows == [(k, "done", 800) for k in (1, 2, 3)]
     checked = rabbit("bag", "check", out / "recording", "--task", task)
     said = [f"episode {k}: 800 ticks, 0 lost, 800 replayed, inputs identical" for k in (1, 2, 3)]
     assert (checked.returncode, checked.stdout.splitlines()) == (0, said)

@@ -226,6 +226,15 @@ def typed(*words):
     return result.exit_code, result.output
 
 
+def test_all_pictures_but_films_are_made_where_no_encoder_is(cart, tmp_path, monkeypatch):
+    words = ("--controller", "nominal,oracle", "--rides", 1, "--pictures", "--out", tmp_path / "p")
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    code, said = typed("evaluate", "--task", cart, *words)
+    assert (code, "rabbit_viewer[film]" in said) == (2, True), said
+    for name in ("nominal", "oracle"):
+        assert {path.name for path in (tmp_path / "p" / name).iterdir()} == {"recording", "rows.png"}
+
+
 def test_the_commands(cart, task, tmp_path):
     code, said = typed("evaluate", "--task", cart, "--rides", 3, "--out", tmp_path / "e")
     assert code == 0, said

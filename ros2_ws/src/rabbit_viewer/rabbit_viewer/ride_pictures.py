@@ -43,10 +43,10 @@ def draw_margins(task: ControlTask, rides: Mapping[str, Sequence[RideRow]], path
         return style.save(figure, path)
 
 
-def draw_ride(ride: Ride, folder: Path, form: str = "png") -> Iterator[Path]:
-    """Draws a ride's rows and, of a task that has `draw`, its film, one after the other; raises `VideoError`."""
+def draw_ride(ride: Ride, folder: Path, form: str = "png", video: bool = True) -> Iterator[Path]:
+    """Draws a ride's rows, then, of a task that has `draw`, its film if wanted; raises `VideoError`."""
     yield draw_rows(ride, folder / f"rows.{form}")
-    if ride.task.draw:
+    if ride.task.draw and video:
         yield from film(ride, folder / "ride.mp4")
 
 

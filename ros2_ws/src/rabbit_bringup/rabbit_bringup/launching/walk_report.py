@@ -42,7 +42,10 @@ def carry_out(walk: WalkSettings, run: Callable[[Ended], Any]) -> int:
         return error.code
     code = exit_codes.of_walk(outcomes)
     if walk.options.record:
-        _leave(walk, code, seconds)
+        try:
+            _leave(walk, code, seconds)
+        except RecordingError as error:
+            complain(error)
     counted = exit_codes.counted(outcomes)
     print(f"written to {walk.folder}")
     others = f"; torques of {refused[0]} were refused" if refused else ""
@@ -67,19 +70,9 @@ def complain(text: object) -> None:
 
 
 def _leave(walk: WalkSettings, code: ExitCode, seconds: float) -> None:
-    """Summary, pictures and film from the recording."""
+    """Summary, pictures and film from the recording; raises `RecordingError`."""
     recording = walk.folder / "recording"
-    try:
-        if walk.options.task:
-            if walk.options.pictures:
-                ride = recorded_ride(load_task(walk.options.task), recording)
-                for path in draw_ride(ride, own_folder(walk.folder / "pictures", "walk")):
-                    print(path)
-            return
-        summary = write_summary(walk, recording, code, seconds)
-    except RecordingError as error:
-        complain(error)
-        return
+    summary = write_summary(walk, recording, code, seconds)
     print(f"{summary['ticks']} ticks in {seconds:.1f} s: {summary['real_time_factor'] or 0:.1f} times real time")
     if timing := summary["real_time"]:
         print(
@@ -87,6 +80,12 @@ def _leave(walk: WalkSettings, code: ExitCode, seconds: float) -> None:
             f"time; age of the torque {timing['age_ms']['p99']:.1f} ms (p99)"
         )
     if not summary["ticks"]:
+        return
+    if walk.options.task:
+        if walk.options.pictures:
+            ride = recorded_ride(load_task(walk.options.task), recording)
+            for path in draw_ride(ride, own_folder(walk.folder / "pictures", "walk"), video=walk.options.video):
+                print(path)
         return
     from rabbit_viewer.walk_pictures import draw_pictures, film_walk
     from rich.console import Console
@@ -121,7 +120,7 @@ def _rescued(walk: WalkSettings, error: LaunchError) -> str:
 def write_summary(
     walk: WalkSettings, recording: Path, code: ExitCode, seconds: float | None, failure: str = ""
 ) -> dict[str, Any]:
-    """Write `summary.json`, a row an episode as in `rabbit evaluate`, and `records.npz` of the last one with ticks.
+    """Write `summary.json`, a row an episode; of RABBIT as in `rabbit evaluate`, with `records.npz` of the last one.
 
     `seconds`: by the wall clock, that the episodes took, where that is known; `failure`: why the graph did not come to
     an end, if it did not. Raises `RecordingError`.
@@ -132,10 +131,12 @@ def write_summary(
     from rabbit_recording.reader import iterate_episodes
     from rabbit_recording.timing import real_time_figures
 
-    rows, ticks, last = [], 0, None
-    for episode in iterate_episodes(recording):
-        rows.append(_row(walk, episode))
+    rows, ticks, simulated, last = [], 0, 0.0, None
+    task = load_task(walk.options.task) if walk.options.task else None
+    for episode in iterate_episodes(recording, task):
+        rows.append((_figures_of_ride(episode) if task else _figures_of_walk(walk, episode)) | _about(episode))
         ticks += len(episode.records)
+        simulated += len(episode.records) * episode.tick_seconds
         last = episode if episode.records else last
     summary = {
         "walked": code is ExitCode.WALKED,
@@ -144,16 +145,16 @@ def write_summary(
         "episodes": rows,
         "ticks": ticks,
         "wall_seconds": seconds,
-        "real_time_factor": ticks * walk.simulation.tick_seconds / seconds if seconds else None,
+        "real_time_factor": simulated / seconds if seconds else None,
         "real_time": real_time_figures(recording),
         "command": provenance.command(),
         "commit": provenance.commit(),
         "versions": provenance.versions(),
-        "controller": walk.options.controller if walk.options.is_foreign else walk.controller,
-        "simulation": walk.simulation,
+        "controller": walk.options.controller if walk.options.is_foreign else walk.policy if task else walk.controller,
+        **({"task": task.name} if task else {"simulation": walk.simulation}),
     }
     replace_text(walk.folder / "summary.json", to_json(summary, indent=2, inf_nan_mode="null").decode() + "\n")
-    if last is not None:
+    if last is not None and not task:
         version = last.records[-1].output.policy_version
         about = about_walk(walk.controller, walk.simulation, version, last.seed, last.outcome)
         if walk.options.is_foreign:
@@ -165,8 +166,14 @@ def write_summary(
     return summary
 
 
-def _row(walk: WalkSettings, episode: Any) -> dict[str, Any]:
-    """A `RecordedEpisode` in figures."""
+def _figures_of_ride(episode: Any) -> dict[str, Any]:
+    """A task's `RecordedEpisode`, without what `_about` says."""
+    ticks = len(episode.records)
+    return {"run": episode.number, "seed": episode.seed, "outcome": episode.outcome, "ticks": ticks}
+
+
+def _figures_of_walk(walk: WalkSettings, episode: Any) -> dict[str, Any]:
+    """A `RecordedEpisode` of RABBIT, without what `_about` says."""
     from rabbit_experiments.metrics import RunTally
     from rabbit_sim.simulation import Outcome
 
@@ -178,8 +185,12 @@ def _row(walk: WalkSettings, episode: Any) -> dict[str, Any]:
     except ValueError:  # it did not end by the simulator
         outcome = Outcome.IDLE
         tally.fault = tally.fault or f"{episode.outcome}: {episode.reason}"
+    return tally.result(episode.seed, outcome, episode.landings, [0.0], []).row.model_dump(exclude=UNTIMED)
+
+
+def _about(episode: Any) -> dict[str, Any]:
+    """What a recording holds of an episode beside its figures."""
     return {
-        **tally.result(episode.seed, outcome, episode.landings, [0.0], []).row.model_dump(exclude=UNTIMED),
         "reason": episode.reason,
         "ticks_not_recorded": episode.lost,
         "controller": episode.controller,

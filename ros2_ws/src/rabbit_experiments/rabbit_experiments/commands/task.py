@@ -1,6 +1,7 @@
 """Commands on a control task of your own: `rabbit evaluate`, `benchmark`, `train` with `--task TASK`."""
 
 import json
+from itertools import chain
 from pathlib import Path
 from shutil import rmtree
 from tempfile import TemporaryDirectory
@@ -14,7 +15,7 @@ from rabbit_description import ABOUT_TASK
 from rabbit_experiments.conditions import Cluster, Jobs, who_runs
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from rabbit_description.task import ControlTask
 
@@ -52,8 +53,9 @@ def evaluate(
     summary = {name: summarise(loaded, of_one) for name, of_one in ridden.items()}
     show(loaded, summary)
     write_results(folder, loaded, ridden, {"seed": seed, "rides": rides, **summary})
-    for name in names if pictures else ():
-        draw_first(loaded, name, ridden[name][0].seed, folder / Path(name).stem)
+    films = [draw_first(loaded, name, ridden[name][0].seed, folder / Path(name).stem) for name in names if pictures]
+    for film in chain.from_iterable(films):  # last, since the encoder may not be installed
+        print(f"written {film}")
 
 
 def benchmark(
@@ -216,8 +218,8 @@ def write_results(
     print(f"written {folder}")
 
 
-def draw_first(task: "ControlTask", name: str, seed: int, folder: Path) -> None:
-    """Ride a seed again, the same: its recording, its rows and, of a task that has `draw`, its film in the folder."""
+def draw_first(task: "ControlTask", name: str, seed: int, folder: Path) -> "Iterator[Path]":
+    """Ride a seed again, the same: its recording and its rows in the folder; returns what will film it there."""
     from rabbit_common.executables import LaunchError
     from rabbit_description.plugins import load
     from rabbit_recording import RecordingError
@@ -232,10 +234,11 @@ def draw_first(task: "ControlTask", name: str, seed: int, folder: Path) -> None:
     recording = folder / "recording"
     rmtree(recording, ignore_errors=True)  # of an earlier call
     with complaints(RecordingError, OSError):
-        for path in load("rabbit.pictures", "ride")(ride, folder):
-            print(f"written {path}")
+        drawing: Iterator[Path] = load("rabbit.pictures", "ride")(ride, folder)
+        print(f"written {next(drawing)}")
         try:
             write_ride(ride, recording, controlling if isinstance(controlling, ActorPolicy) else None)
             print(f"written {recording}")
         except LaunchError as error:
             print(f"no recording: {error}")
+    return drawing
