@@ -31,7 +31,7 @@ RNG = np.random.default_rng(0)
 
 
 CONTROLLER = ControllerParameters(controller="cbf-clf-qp")
-PLANT = SimulationParameters(stones=3, stone_height=0.004)
+PLANT = SimulationParameters(stones=3, stone_height=0.015)
 Walked = tuple[list[Record], Simulation]
 
 
@@ -59,23 +59,26 @@ def state_at(walk: WalkRecords, row: int) -> msg.RobotState:
     return msg.RobotState(header=header(tick), episode=1, tick=tick, q=walk.q[row], touchdowns=landed)
 
 
-def edges(walk: WalkRecords, row: int, landings: slice = slice(None), sees: bool = True) -> list[tuple[float, float]]:
-    """Where the boxes of a row begin and end, for a viewer that has heard some of the landings so far."""
+def boxes(walk: WalkRecords, row: int, landings: slice = slice(None), sees: bool = True) -> list[tuple[float, ...]]:
+    """Both ends and the top of each box of a row, for a viewer that has heard some of the landings so far."""
     landed = walk.landings[walk.landings[:, 0] <= walk.touchdowns[row]][landings]
-    heard = [msg.Landing(l=row[2], l_min=row[3], l_max=row[4]) for row in landed]
-    ahead = StonePreview(0, *walk.preview[row]) if sees and np.isfinite(walk.preview[row, 0]) else None
-    foot = float(RabbitFeet().positions(walk.q[row])[walk.stance[row]][0])
-    first, *boxes = markers(state_at(walk, row), foot, ahead, heard).markers
+    heard = [msg.Landing(index=int(row[0]), l=row[2], l_min=row[3], l_max=row[4]) for row in landed]
+    height = float(walk.stone_height[row])
+    heights = {k: float(walk.stone_height[walk.step_starts[k - 1]]) for k in range(1, len(walk.step_starts) + 1)}
+    ahead = StonePreview(0, *walk.preview[row], height) if sees and np.isfinite(walk.preview[row, 0]) else None
+    foot = RabbitFeet().positions(walk.q[row])[walk.stance[row]]
+    first, *drawn = markers(state_at(walk, row), foot, ahead, heard, heights).markers
     assert first.action == Marker.DELETEALL
-    return [(b.pose.position.x - b.scale.x / 2, b.pose.position.x + b.scale.x / 2) for b in boxes]
+    spans = [(b.pose.position, b.scale) for b in drawn]
+    return [(at.x - size.x / 2, at.x + size.x / 2, at.z + size.z / 2) for at, size in spans]
 
 
 def test_stones_lie_where_the_film_has_them(walk: WalkRecords) -> None:
     """The film sees the whole walk; the viewer lays them out backwards from the foot that stands."""
     spans = stone_spans(walk)
     for row in range(0, len(walk.tick), 7):
-        expected = [span[:2] for span in spans_until(walk, spans, row)]
-        np.testing.assert_allclose(edges(walk, row), expected, atol=5e-3)  # each landing yields a millimetre
+        expected = [(near, far, top) for near, far, top, *_ in spans_until(walk, spans, row)]
+        np.testing.assert_allclose(boxes(walk, row), expected, atol=5e-3)  # each landing yields a millimetre
 
 
 def test_a_film_that_begins_late_has_the_same_next_stone(walked: Walked, walk: WalkRecords) -> None:

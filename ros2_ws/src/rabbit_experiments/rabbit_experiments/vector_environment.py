@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 from cbf_clf_qp.batch_functions import BatchFunction
 from cbf_clf_qp.estimates import Estimates
+from gymnasium.error import ResetNeeded
 from gymnasium.spaces import Box
 from gymnasium.utils.seeding import np_random
 from gymnasium.vector import AutoresetMode, VectorEnv
@@ -90,7 +91,9 @@ class EpisodesEnv(VectorEnv[Rows, Rows, Rows], ABC):
         return self._observations, self.infos
 
     def step(self, actions: Rows) -> tuple[Rows, Rows, Rows, Rows, dict[str, Any]]:
-        """One tick of all."""
+        """One tick of all; raises `ResetNeeded` before the first reset."""
+        if not hasattr(self, "_observations"):
+            raise ResetNeeded("step: expected a reset before it")
         ended, last = self.advance(np.asarray(actions, dtype=float)), self._observations
         self._begin(ended.nonzero()[0].tolist())
         self._observations = self._look()

@@ -10,6 +10,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 from rabbit_description.gait import load_gaits
 from rabbit_description.robot_states import RobotStates
@@ -253,6 +254,8 @@ def test_an_environments_former_plants_are_freed(robots: int) -> None:
     tuning = load_parameters("ours", controller="rl-cbf-clf-qp", qp_solver="daqp")
     plant = SimulationParameters(plant="mujoco", stones=1)
     env = VectorWalkingEnv(TrainingParameters(), tuning, plant, robots, random_plant)
+    with pytest.raises(ResetNeeded, match="expected a reset"):
+        env.step(env.action_space.sample())
     env.reset(seed=5)
     first = [weakref.ref(simulation.plant) for simulation in env._batch.simulations]
     gc.collect()

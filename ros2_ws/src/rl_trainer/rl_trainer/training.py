@@ -12,16 +12,18 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
+from inspect import isabstract
 from typing import Any
 
 import numpy as np
 import torch
-from rabbit_description.plugins import load
+from rabbit_description.plugins import PluginError, load
 from rabbit_description.state import TICK_SECONDS, RobotState
 from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.policy import ActorPolicy, ZeroPolicy
 from rl_cbf_clf_controller.weights import Arrays, PolicyFile, PolicyFileError, PolicyMetadata, problem_fields
 
+from rl_trainer.actor import Actor
 from rl_trainer.learner import Learner
 from rl_trainer.parameters import LEARNERS, TrainingParameters
 from rl_trainer.replay import Replay
@@ -278,8 +280,18 @@ class Trainer:
 
 
 def make_learner(parameters: TrainingParameters, kind: LearnerType | None = None) -> Learner:
-    """The learner that the parameters name, or of this kind; its first weights from the seed alone."""
+    """The learner that the parameters name, or of this kind; its first weights from the seed alone.
+
+    Raises `PluginError`: a package brings something else under that name.
+    """
     torch.set_num_threads(1)
+    kind = kind or load(LEARNERS, parameters.learner)
+    expected = f"{LEARNERS} {parameters.learner}: expected a `Learner`"
+    if isabstract(kind):
+        raise PluginError(f"{expected} that defines {', '.join(kind.__abstractmethods__)}, found {kind!r}")
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(parameters.seed)
-        return (kind or load(LEARNERS, parameters.learner))(parameters)
+        learner = kind(parameters)
+    if not isinstance(learner, Learner) or not isinstance(getattr(learner, "acting", None), Actor):
+        raise PluginError(f"{expected} with an `Actor` to walk with, `acting`, found {learner!r}")
+    return learner

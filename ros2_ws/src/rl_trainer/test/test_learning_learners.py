@@ -7,16 +7,18 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from rabbit_description.plugins import PluginError
 from rl_cbf_clf_controller.policy import ActorPolicy
 from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.uncertainty import IO_RL_CLF_QP, PAPER, RL_CBF_CLF_QP, RL_CLF_QP
 from rl_cbf_clf_controller.weights import PROBE, PolicyFile
 from rl_trainer import training
 from rl_trainer.ddpg import Ddpg
+from rl_trainer.learner import Learner
 from rl_trainer.paper_ddpg import PaperDdpg
 from rl_trainer.parameters import PAPER_LITERAL, TrainingParameters
-from rl_trainer.replay import as_batch
-from rl_trainer.training import Trainer
+from rl_trainer.replay import Batch, as_batch
+from rl_trainer.training import Trainer, make_learner
 from rl_trainer.transitions import Transition
 
 MakeTransition = Callable[..., Transition]
@@ -164,3 +166,19 @@ def test_the_policy_stays_until_the_critic_has_learned(
         trainer.learn(1)
         same.append(np.array_equal(trainer.policy_file().arrays["0.weight"], given.arrays["0.weight"]))
     assert same == [True] * 6 + [False] * 3
+
+
+class WithoutActor(Learner):
+    def __init__(self, parameters: TrainingParameters) -> None:
+        pass
+
+    def update(self, batch: Batch, rate: float) -> dict[str, float]:
+        return {}
+
+
+@pytest.mark.parametrize(
+    ("kind", "said"), [(repr, "expected a `Learner`"), (Learner, "that defines update"), (WithoutActor, "`acting`")]
+)
+def test_what_is_no_learner_is_refused_by_name(kind: Any, said: str) -> None:
+    with pytest.raises(PluginError, match=f"rabbit.learners ddpg: .*{said}"):
+        make_learner(TrainingParameters(), kind)

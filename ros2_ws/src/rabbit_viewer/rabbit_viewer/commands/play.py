@@ -8,6 +8,7 @@ from rabbit_common.options import Defaults, Given, complaints, options
 from rabbit_description.plugins import load
 from rabbit_description.validation import Checked
 from rabbit_sim.parameters import PLANTS, SimulationParameters
+from rabbit_sim.stones import CourseError, read_course
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
 from rabbit_viewer.page import PORT, PageError
@@ -51,7 +52,9 @@ def play(given: Given) -> None:
     yours = your_own(given, chosen)
     plant = given.build(SimulationParameters, terrain=yours.controller.terrain if yours else "stones")
     load(PLANTS, plant.plant)  # refused before the page has an address
-    with complaints():
+    with complaints(CourseError):
+        if plant.course:
+            read_course(Path(plant.course), plant.stones, plant.stone_width)
         controller = ControllerParameters.model_validate(given.of(ControllerParameters, but=YOUR_OWN))
     with complaints(PageError, PlayError, VideoError):
         again = "same course" if chosen.learn else "wait"

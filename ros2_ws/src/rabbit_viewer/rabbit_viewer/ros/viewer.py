@@ -57,7 +57,6 @@ class ViewerNode(SimulatorFollower):
         services = SERVICES.values() if parameters.control else ()
         self._service_clients: dict[str, Any] = {name: self.create_client(kind, name) for name, kind in services}
         self._episode = msg.Episode()
-        self._previews: dict[int, StonePreview] = {}  # of this episode, by stone
         self._drawn: dict[str, dict[str, Any]] = {}  # parameters that the page draws, by controller, the newest last
         self._shown_at = 0.0
         self._patience = (time.monotonic() + parameters.wait, parameters.wait)
@@ -85,12 +84,12 @@ class ViewerNode(SimulatorFollower):
 
     def _begin(self, episode: int) -> None:
         self._episode = msg.Episode(episode=episode)
-        self._previews, self._rviz.landings = {}, {}
+        self._rviz.previews, self._rviz.landings = {}, {}
 
     def _on_preview(self, message: msg.StonePreview) -> None:
         stone = preview_of(message)
         if self._is_present(message.episode):
-            self._previews[stone.index] = stone
+            self._rviz.previews[stone.index] = stone
 
     def _on_landing(self, message: msg.Landing) -> None:
         check_finite("l", (message.l,))
@@ -165,7 +164,7 @@ class ViewerNode(SimulatorFollower):
         return state, details, terms
 
     def _ahead(self, state: Any) -> StonePreview | None:
-        return self._previews.get(state.touchdowns + 1) if state.previewed else None
+        return self._rviz.previews.get(state.touchdowns + 1) if state.previewed else None
 
     def _ask(self, asked: Asked) -> None:
         """Pass on what a browser asks; the answer comes later."""
