@@ -288,7 +288,7 @@ def make_learner(parameters: TrainingParameters, kind: LearnerType | None = None
     kind = kind or load(LEARNERS, parameters.learner)
     expected = f"{LEARNERS} {parameters.learner}: expected a `Learner`"
     if isabstract(kind):
-        raise PluginError(f"{expected} that defines {', '.join(kind.__abstractmethods__)}, found {kind!r}")
+        raise PluginError(f"{expected} that can be made, with an `update`, found {kind!r}")
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(parameters.seed)
         learner = kind(parameters)

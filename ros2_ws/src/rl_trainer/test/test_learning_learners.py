@@ -177,7 +177,7 @@ class WithoutActor(Learner):
 
 
 @pytest.mark.parametrize(
-    ("kind", "said"), [(repr, "expected a `Learner`"), (Learner, "that defines update"), (WithoutActor, "`acting`")]
+    ("kind", "said"), [(repr, "expected a `Learner`"), (Learner, "with an `update`"), (WithoutActor, "`acting`")]
 )
 def test_what_is_no_learner_is_refused_by_name(kind: Any, said: str) -> None:
     with pytest.raises(PluginError, match=f"rabbit.learners ddpg: .*{said}"):
