@@ -210,7 +210,12 @@ def test_errors_add_up() -> None:
     both = first + second
     assert both.error(mu) == pytest.approx(first.error(mu) + second.error(mu))
     assert both.output_error == pytest.approx(first.output_error + second.output_error)
-    assert (first + Estimates(second.alpha, second.beta)).output_error is None
+    unknown = Estimates(second.alpha, second.beta)
+    assert (first + unknown).output_error is None
+    of_two = Estimates.of_many([first, second]) + Estimates.of_many([second, Estimates.zero(N, M)])
+    assert of_two[0].beta == pytest.approx(both.beta)
+    assert of_two[1].output_error == pytest.approx(second.output_error)
+    assert (of_two + Estimates.of_many([unknown, second])).output_error is None
     for name, value in vars(first + Estimates.zero(N, M)).items():
         assert value == pytest.approx(getattr(first, name))
 

@@ -6,7 +6,6 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.constraints import Barrier, Clf
 from cbf_clf_qp.estimates import measure, model_error
 from cbf_clf_qp.quantity import Quantity, Terms
@@ -160,7 +159,7 @@ def test_a_measured_value_is_the_mean_of_the_exact_ones(make_plant: Any) -> None
 
 
 def test_relative_degree_3_is_not_measured(chain: System) -> None:
-    """Remark 3; but it has rows, see `test_system.py`."""
+    """Remark 3; but it has rows."""
     for quantity in (Barrier("deep", chain.x[0], (1, 2, 3)), Clf(chain.x[0], gains=(1.0, 3.0, 3.0))):
         with pytest.raises(ValueError, match=r"(deep|V): one difference measures relative degrees 1 and 2 only"):
             measure(Terms(chain, [quantity]))
@@ -172,22 +171,6 @@ def test_a_sensor_is_read_as_the_tick_ends(chain: System) -> None:
     nothing = np.zeros(0)
     measured = measure(terms)(np.zeros(3), nothing, np.array([0.0, 0.0, 4.0]), nothing, np.array([SECONDS])).measured
     assert measured == pytest.approx([8])
-
-
-def test_the_error_of_another_model_turns_one_into_the_other(make_plant: Any) -> None:
-    """Nominal value + alpha mu + beta is the value by the other model, at u = control(mu) of the nominal one."""
-    plant, rng = make_plant("segway"), np.random.default_rng(3)
-    v, theta, omega = (plant.symbols[name] for name in ("v", "theta", "omega"))
-    terms = Terms(plant.system, [Clf(theta), Barrier("slow", 3 - v - omega, (4,))])
-    outputs = plant.system.derivatives("theta", theta, 2)[2]
-    of_other = [*(quantity.value(plant.system.u) for quantity in terms.quantities), outputs]
-    for x in rng.normal(size=(10, 3)):
-        found, mu = model_error(terms)(x, np.array([60.0]), np.array([75.0])), rng.normal(size=1)
-        nominal = [plant.number(term(mu), x, 0.0) for term in (terms.control, terms.nominal)]
-        error = found.alpha @ mu + found.beta
-        delta = Affine(found.output_error[:, :-1], found.output_error[:, -1])
-        expected = [plant.number(value, x, nominal[0], body=75.0) for value in of_other]
-        assert [*(nominal[1] + error), *(mu + delta(mu))] == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 
 def ball_on_a_beam() -> tuple[System, ca.SX]:
@@ -216,19 +199,30 @@ def test_a_row_of_degree_4_has_the_derivatives_along_the_motion_and_the_poles() 
         assert float(left(x, u, p)) == pytest.approx(np.poly(-np.array(poles))[::-1] @ values, rel=1e-12)
 
 
-def test_an_oracles_row_of_degree_4_is_that_of_the_true_model() -> None:
-    """All derivatives but the first two are the model's; so are those of an output of degree 4."""
-    system, r = ball_on_a_beam()
-    terms = Terms(system, [Clf(r - 0.5, gains=(1.0, 4.0, 6.0, 4.0)), Barrier("end", 0.4 - r, (3, 4, 5, 6))])
-    error, (model, true) = model_error(terms), (np.array([5 / 7, 0.0]), np.array([0.6, -0.05]))
-    y_4 = system.affine(system.derivatives("y", r, 4)[-1])(system.u)
-    wanted = ca.vertcat(*(quantity.value(system.u) for quantity in terms.quantities), y_4)
+@pytest.mark.parametrize("name", ["segway", "ball on a beam"])
+def test_the_error_of_another_model_turns_one_into_the_other(make_plant: Any, name: str) -> None:
+    """Nominal value + alpha mu + beta is the value by the other model, at u = control(mu) of the nominal one.
+
+    Of the ball, in rows of degree 4, all derivatives but the first two are the model's.
+    """
+    if name == "segway":
+        plant = make_plant(name)
+        system, y = plant.system, plant.symbols["theta"]
+        quantities = [Clf(y), Barrier("slow", 3 - plant.symbols["v"] - plant.symbols["omega"], (4,))]
+        degree, model, true = 2, np.array([60.0]), np.array([75.0])
+    else:
+        system, y = ball_on_a_beam()
+        quantities = [Clf(y - 0.5, gains=(1.0, 4.0, 6.0, 4.0)), Barrier("end", 0.4 - y, (3, 4, 5, 6))]
+        degree, model, true = 4, np.array([5 / 7, 0.0]), np.array([0.6, -0.05])
+    terms = Terms(system, quantities)
+    error, y_r = model_error(terms), system.affine(system.derivatives("y", y, degree)[-1])(system.u)
+    wanted = ca.vertcat(*(quantity.value(system.u) for quantity in terms.quantities), y_r)
     values = ca.Function("values", [system.x, system.u, system.p], [wanted])
     mu = ca.SX.sym("mu")
     said = ca.Function("said", [system.x, mu, system.p], [terms.nominal(mu), terms.control(mu)])
     rng = np.random.default_rng(1)
-    for _ in range(5):
-        x, m = 0.3 * rng.normal(size=4), rng.normal(size=1)
+    for _ in range(10):
+        x, m = (1.0 if name == "segway" else 0.3) * rng.normal(size=system.x.numel()), rng.normal(size=1)
         found = error(x, model, true)
         nominal, u = (value.full().ravel() for value in said(x, m, model))
         expected = values(x, u, true).full().ravel()

@@ -58,21 +58,13 @@ class SymbolicModel:
         return self._at.mass
 
 
-def skip_without_peer() -> None:
-    """Where the studies are not installed."""
-    if PinocchioModel is None:
-        pytest.skip("the studies are not installed")
-
-
 @pytest.fixture(params=[SymbolicModel, PinocchioModel])
 def make_model(request: pytest.FixtureRequest) -> type[SymbolicModel | PinocchioModel]:
     """The class of the robot in symbols, and of its peer."""
-    skip_without_peer()
     return request.param
 
 
 @pytest.fixture
 def models() -> tuple[type[SymbolicModel], type[PinocchioModel]]:
     """Both of them."""
-    skip_without_peer()
     return SymbolicModel, PinocchioModel

@@ -137,19 +137,15 @@ def test_white_noise_on_a_swing_of_the_torso_is_found(state, sigma):
 
 
 @ONE
-def test_torques_that_chatter_are_no_noise(state):
-    """The rate jumps to and fro by 0.3 rad/s from tick to tick, evenly, and the pitch with it."""
-    rates = 0.15 * (-1.0) ** np.arange(200)
+@pytest.mark.parametrize(
+    ("rates", "most"),
+    [(0.15 * (-1.0) ** np.arange(200), 1e-6), (np.repeat([0.0, 3.0], 25), 0.02)],
+    ids=["chatter", "push"],
+)
+def test_torques_that_chatter_are_no_noise_and_neither_is_a_push(state, rates, most):
+    """The rate jumps to and fro by 0.3 rad/s from tick to tick, or once by 3 rad/s, evenly, and the pitch with it."""
     pitch = TICK_SECONDS * np.concatenate([[0.0], np.cumsum((rates[1:] + rates[:-1]) / 2)])
-    assert sigma_of(fed(*reversed(adapting(state)), pitch, rates)) == pytest.approx(0.0, abs=1e-6)
-
-
-@ONE
-def test_a_push_is_no_noise(state):
-    """It changes the rate by 3 rad/s at once, in one tick of fifty."""
-    rates = np.repeat([0.0, 3.0], 25)
-    pitch = TICK_SECONDS * np.cumsum(rates)
-    assert sigma_of(fed(*reversed(adapting(state)), pitch, rates)) < 0.02
+    assert sigma_of(fed(*reversed(adapting(state)), pitch, rates)) == pytest.approx(0.0, abs=most)
 
 
 @pytest.mark.parametrize("which", [0, 4, 8])

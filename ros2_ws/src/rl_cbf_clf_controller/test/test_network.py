@@ -2,17 +2,12 @@
 
 import pickle
 from itertools import pairwise
-from math import tanh
 from typing import Any
 
-import casadi as ca
 import numpy as np
 import pytest
 from cbf_clf_qp import compiled
-from cbf_clf_qp.batch_functions import BatchFunction
 from cbf_clf_qp.compiled import Library
-from cbf_clf_qp.estimates import Estimates
-from cbf_clf_qp.functions import NumpyFunction
 from rl_cbf_clf_controller import network
 from rl_cbf_clf_controller.network import SOURCE, Actor, CompiledNetwork, forward_of
 
@@ -48,18 +43,6 @@ def made(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(network, "NETWORK", CompiledNetwork())
     network.NETWORK.compile(wait=True)
     assert (network.NETWORK.forward is None) == (request.param == "numpy")
-
-
-@pytest.mark.usefixtures("made")
-def test_layers_by_hand() -> None:
-    """max(x1 - x2, 0) and max(x2 - 1, 0), their sum minus 1/2, and -2 of it."""
-    layers: dict[str, Any] = {"0.weight": [[1, -1], [0, 1]], "0.bias": [0, -1], "1.weight": [[1, 1]], "1.bias": [-0.5]}
-    layers |= {"2.weight": [[-2]], "2.bias": [0]}
-    actor = Actor({name: np.array(value, dtype=np.float32) for name, value in layers.items()})
-    expected = {(3, 1): -3.0, (0, 0): 0.0, (0, 3): -3.0, (4, 2): -5.0}
-    for x, before_tanh in expected.items():
-        assert actor(np.array(x)).tolist() == [tanh(before_tanh)]
-    assert actor(np.array([*expected])).tolist() == [[tanh(value)] for value in expected.values()]
 
 
 @pytest.mark.usefixtures("made")
@@ -100,27 +83,3 @@ def test_c_and_numpy_have_the_same_bits(sizes: tuple[int, ...], monkeypatch: pyt
         monkeypatch.setattr(network, "NETWORK", chosen)
         found.append(np.nan_to_num(actor(rows), nan=2.0))
     assert [answer.tobytes() for answer in found[1:]] == [found[0].tobytes()] * 4
-
-
-def test_estimates_add_up_robot_by_robot() -> None:
-    one = Estimates(np.ones((2, 3)), np.arange(2.0), np.ones((3, 4)))
-    unknown = Estimates(np.zeros((2, 3)), np.zeros(2))
-    both = Estimates.of_many([one, one]) + Estimates.of_many([one, Estimates.zero(2, 3)])
-    assert both[0].beta == pytest.approx([0.0, 2.0])
-    assert both[1].output_error == pytest.approx(np.ones((3, 4)))
-    assert (both + Estimates.of_many([unknown, one])).output_error is None
-
-
-def test_any_number_of_calls_has_the_bits_of_each_alone() -> None:
-    """Every kind of operation, constants as outputs, inputs that are left out, and no trace of the call before."""
-    x, y = ca.SX.sym("x", 3), ca.SX.sym("y")
-    found = {"a": ca.vertcat(ca.sin(x[0]) / x[1], ca.exp(-(x[2] ** 2)), x[0] ** 3, 2 * x[1], ca.tanh(x[2]) + y)}
-    found |= {"b": ca.vertcat(ca.fmax(x[0], y), ca.if_else(x[0] > x[1], x[2], -x[2]), ca.fabs(x[1]), 7, y)}
-    found |= {"c": ca.vertcat(ca.logic_or(x[0] > 0, x[1] > 0), ca.sign(x[2]), ca.sqrt(ca.fabs(x[0])), 1 / x[1])}
-    alone = NumpyFunction.of("f", {"x": x, "y": y}, found)
-    at_once, rng = BatchFunction(alone), np.random.default_rng(0)
-    for n in (1, 2, 3, 5, 8, 64, 7):
-        xs, ys = rng.normal(size=(n, 3)), rng.normal(size=(n, 1))
-        for given in ((xs, ys), (xs,)):
-            rows = at_once(*given).row
-            assert np.array_equal(rows, [alone(*call).row for call in zip(*given, strict=True)])

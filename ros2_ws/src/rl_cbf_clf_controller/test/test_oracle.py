@@ -113,10 +113,6 @@ def robust_with(**gains):
     return robust
 
 
-def look(state, **gains):
-    return robust_with(**gains).look(state_of(*state))
-
-
 def violations(controller, scene, mu, estimates=NONE):
     """By how much each row but saturation is exceeded at `mu` without slack, over its norm; shape (cases, 6)."""
     data = controller.qp.programme(scene.x, scene.p, estimates)
@@ -142,31 +138,20 @@ def corners(scene, mu):
 
 @settings(max_examples=60, deadline=None)
 @given(state=STATES, mu=INPUTS, where=st.floats(0, 1), low=st.floats(0.3, 1), width=st.floats(0, 3))
-def test_rows_of_a_scale_range_imply_the_true_rows_of_every_scale_in_it(state, mu, where, low, width):
+def test_the_corners_of_a_scale_range_bound_every_robot_in_it(state, mu, where, low, width):
+    """They are the models at its ends; no row's expression is above the larger corner's; kept rows imply true ones."""
     robust = robust_with(robust_scale_min=low, robust_scale_max=low + width)
     scene = robust.look(state_of(*state))
+    at_low, true, at_high = (
+        OraclePolicy(TruePlant(scaled(URDF, low + share * width))).estimate(scene, NONE) for share in (0, where, 1)
+    )
+    found = corners(scene, mu)
+    for corner, end in zip(found, (at_low.error(mu), at_high.error(mu)), strict=True):
+        assert corner == pytest.approx(end, rel=1e-6, abs=1e-6 * (1 + np.abs(end).max()))
+    rounding = 1e-7 * (1 + np.abs(found).max())
+    error = true.error(mu)
+    assert (BOUNDED_ABOVE * error[:3] <= (BOUNDED_ABOVE * found[:, :3]).max(axis=0) + rounding).all()
+    assert (CONE @ error[3:] <= (found[:, 3:] @ CONE.T).max(axis=0) + rounding).all()
     kept = (violations(robust, scene, mu) <= -1e-6).all(axis=0)
-    true = OraclePolicy(TruePlant(scaled(URDF, low + where * width))).estimate(scene, NONE)
     at_truth = violations(built(controller="rl-cbf-clf-qp"), scene, mu, true)
     assert (at_truth[0, kept] <= 0).all()
-
-
-@settings(max_examples=60, deadline=None)
-@given(state=STATES, mu=INPUTS, where=st.floats(0, 1), low=st.floats(0.3, 1), width=st.floats(0, 3))
-def test_the_truth_is_no_worse_than_the_worse_corner(state, mu, where, low, width):
-    """Every row's expression is at most its larger corner's, at every scale of the range."""
-    scene = look(state, robust_scale_min=low, robust_scale_max=low + width)
-    true = OraclePolicy(TruePlant(scaled(URDF, low + where * width))).estimate(scene, NONE).error(mu)
-    found = corners(scene, mu)
-    rounding = 1e-7 * (1 + np.abs(found).max())
-    assert (BOUNDED_ABOVE * true[:3] <= (BOUNDED_ABOVE * found[:, :3]).max(axis=0) + rounding).all()
-    assert (CONE @ true[3:] <= (found[:, 3:] @ CONE.T).max(axis=0) + rounding).all()
-
-
-@settings(max_examples=30, deadline=None)
-@given(state=STATES, mu=INPUTS)
-def test_the_corners_are_the_models_at_the_ends(state, mu):
-    scene = look(state, robust_scale_min=0.5, robust_scale_max=3.0)
-    for scale, error in zip((0.5, 3.0), corners(scene, mu), strict=True):
-        true = OraclePolicy(TruePlant(scaled(URDF, scale))).estimate(scene, NONE).error(mu)
-        assert error == pytest.approx(true, rel=1e-6, abs=1e-6 * (1 + np.abs(true).max()))

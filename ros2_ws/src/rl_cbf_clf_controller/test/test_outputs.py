@@ -24,14 +24,6 @@ def test_bezier_agrees_with_scipy(s):
     assert second == pytest.approx(reference(s, nu=2))
 
 
-@pytest.mark.parametrize("s", [-0.3, -0.01, 0.0, 1.0, 1.02, 1.4])
-def test_bezier_goes_on_smoothly_beyond_its_ends(s):
-    """Each derivative is the slope of the one before, also across an end."""
-    behind, here, ahead = (VirtualConstraints(GAIT).desired(s + h) for h in (-H, 0, H))
-    for order in (0, 1):
-        assert here[order + 1] == pytest.approx((ahead[order] - behind[order]) / (2 * H), abs=1e-3)
-
-
 def test_bezier_becomes_straight_far_beyond_its_ends():
     for end, s in ((0.0, -0.5), (1.0, 1.5)):
         curve = VirtualConstraints(GAIT).desired
@@ -47,8 +39,6 @@ def test_outputs_vanish_where_the_joints_follow_the_gait():
     desired = constraints.desired(constraints.phase(q))[0]
     y = constraints.evaluate(q, np.zeros(7)).y
     assert y == pytest.approx(q[3:] - desired)
-    q = np.array([0, 0.75, GAIT.phase_angle_start - desired[0] - desired[1] / 2, *desired])
-    assert constraints.evaluate(q, np.zeros(7)).phase == pytest.approx(0, abs=1e-12)
 
 
 def test_phase_is_0_and_1_at_its_ends():
@@ -109,10 +99,7 @@ def test_the_error_is_of_third_order_in_q_and_second_in_dq(acceleration, lag):
     assert np.abs(x - exact)[7:].max() <= 1.1 * jerk * seconds**2 / 2 + 1e-9
 
 
-@pytest.mark.parametrize("lag", [0.0, -0.3])
-def test_without_delay_the_state_is_that_of_now(lag):
-    assert np.array_equal(predicted(lag), START)
-
-
-def test_it_looks_so_far_ahead_at_most():
+def test_it_looks_ahead_from_now_and_so_far_at_most():
+    assert np.array_equal(predicted(0.0), START)
+    assert np.array_equal(predicted(-0.3), START)
     assert np.array_equal(predicted(50.0), predicted(MOST / TICK_SECONDS))
