@@ -178,18 +178,6 @@ def test_the_robot_on_soft_ground_swings_as_a_block_on_a_spring(engine, damping)
     np.testing.assert_allclose(heights, -static * (1 - swing), atol=numerical * static)
 
 
-@pytest.mark.parametrize("slope", [-5.0, 2.0])
-def test_a_slope_turns_gravity(engine, random_state, truth, slope):
-    """In the ground's frame: uphill it pulls backward."""
-    robot = truth(slope=slope)
-    with world(engine, robot.parameters, random_state(4)[0], np.zeros(7)) as plant:
-        plant.advance(np.zeros(4))
-        fallen = plant.observe()
-    angle = np.deg2rad(slope)
-    expected = -robot.mass * GRAVITY * TICK_SECONDS * np.array([np.sin(angle), np.cos(angle)])
-    assert robot.momentum(fallen.q, fallen.dq) == pytest.approx(expected, rel=2e-3)
-
-
 def test_dry_friction_holds_a_joint_and_then_takes_its_share(engine, random_state, truth):
     """In free fall from rest: 5 N m at every joint against friction of 6 do nothing; 20 act as 14."""
     robot = truth(coulomb=6.0)
@@ -274,23 +262,3 @@ def test_a_foot_stands_up_to_the_edge_of_a_real_stone(engine, truth, edge, stand
         for _ in range(3):
             plant.advance(np.zeros(4))
         assert plant.observe().contact[Leg.LEFT] == stands
-
-
-def test_an_engine_repeats_itself_bit_for_bit(engine, truth):
-    """A second episode of one plant, and an episode of a second plant, repeat the first."""
-    robot = truth()
-    q, dq = robot.start()
-    runs = []
-    with (
-        world(engine, robot.parameters, q, dq, GROUND) as first,
-        world(engine, robot.parameters, q, dq, GROUND) as second,
-    ):
-        for plant, again in ((first, False), (first, True), (second, False)):
-            if again:
-                plant.reset(q, dq, Leg.LEFT)
-                plant.set_stones(GROUND)
-            for _ in range(40):
-                plant.advance(TORQUE)
-            runs.append(np.r_[plant.observe().q, plant.observe().dq, plant.observe().foot_force.ravel()])
-    assert (runs[0] == runs[1]).all()
-    assert (runs[0] == runs[2]).all()

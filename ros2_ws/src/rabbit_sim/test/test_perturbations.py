@@ -1,6 +1,7 @@
 """Perturbations of structure and wind against what their formulas say."""
 
 from math import exp, pi, radians, sqrt, tan
+from typing import Any
 
 import numpy as np
 import pytest
@@ -51,9 +52,13 @@ def test_second_order_motors_overshoot_as_their_damping_says() -> None:
     assert torque[-1] == pytest.approx(100, rel=1e-3)
 
 
-def test_a_dead_zone_gives_nothing_within_and_lacks_it_beyond() -> None:
-    motors = Actuation(SimulationParameters(dead_zone=5.0))
-    assert motors.advance(np.array([3.0, -5.0, 8.0, -20.0]))[0].tolist() == [0.0, 0.0, 3.0, -15.0]
+def test_a_dead_zone_lacks_its_torque_and_motors_with_steps_give_the_nearest() -> None:
+    motors = Actuation(*(SimulationParameters(**plant) for plant in ({"dead_zone": 5.0}, {"torque_step": 30.0}, {})))
+    asked = [14.0, 16.0, -44.0, -46.0]
+    dead, steps, exact = motors.advance(np.array([[3.0, -5.0, 8.0, -20.0], asked, asked]))
+    assert dead[0].tolist() == [0.0, 0.0, 3.0, -15.0]
+    assert steps[0].tolist() == [0.0, 30.0, -30.0, -60.0]
+    assert exact[0].tolist() == asked
 
 
 def test_dahl_friction_saturates_and_takes_energy_in_each_cycle() -> None:
@@ -134,11 +139,23 @@ def test_late_rates_have_their_noise() -> None:
     assert np.std(np.array(off)[:, 2:]) == pytest.approx(0.1, rel=0.2)
 
 
-def test_a_fading_motor_brakes_with_all_its_torque_and_drives_with_less() -> None:
-    """At half the no-load speed half the stall torque is left along the motion; at rest all of it."""
-    motors, asked = FadingMotors(no_load_speed=10.0), np.array([150.0, -150.0, 150.0, 150.0])
-    rates = np.array([5.0, 5.0, 0.0, 12.0])
-    assert motors.transmitted(Memory(), asked, np.zeros(4), rates).tolist() == [100.0, -150.0, 150.0, 0.0]
+RATES, WANTED = [4.0, -4.0, -2.0, 0.0], [100.0, -50.0, 80.0, 20.0]
+
+
+@pytest.mark.parametrize(
+    ("joints", "rates", "asked", "given"),
+    [
+        # it brakes with all its torque; at half the no-load speed half the stall torque is left along the motion
+        (FadingMotors(no_load_speed=10.0), [5.0, 5.0, 0.0, 12.0], [150.0, -150.0, 150.0, 150.0], [100, -150, 150, 0]),
+        (CoupledJoints(joint_coupling=0.25), [0.0] * 4, [40.0, 1.0, -8.0, 2.0], [40, 11, -8, 0]),  # a hip at its knee
+        (SharedSupply(supply_power=300.0), RATES, WANTED, [50, -25, 80, 20]),  # they drive with 300 W, brake with all
+        (SharedSupply(supply_power=1000.0), RATES, WANTED, WANTED),
+    ],
+)
+def test_what_passes_the_joints_of_the_torque(joints: Any, rates: Any, asked: Any, given: Any) -> None:
+    torque = np.array(asked)
+    assert joints.transmitted(Memory(), torque, np.zeros(4), np.array(rates)) == pytest.approx(given)
+    assert torque.tolist() == asked
 
 
 def test_cogging_does_no_work_over_a_turn() -> None:
@@ -148,34 +165,12 @@ def test_cogging_does_no_work_over_a_turn() -> None:
     assert np.max(np.abs(torques)) == pytest.approx(7, rel=1e-3)
 
 
-def test_a_coupled_hip_pulls_at_its_own_knee() -> None:
-    legs, torque = CoupledJoints(joint_coupling=0.25), np.array([40.0, 1.0, -8.0, 2.0])
-    assert legs.transmitted(Memory(), torque, np.zeros(4), np.zeros(4)).tolist() == [40.0, 11.0, -8.0, 0.0]
-    assert torque.tolist() == [40.0, 1.0, -8.0, 2.0]
-
-
 def test_an_eccentric_gear_gives_the_torque_itself_in_the_mean_of_its_turn() -> None:
     legs, angles = EccentricGears(gear_eccentricity=0.5), np.arange(0, 2 * pi, 1e-3)
     given = [legs.transmitted(Memory(), np.full(4, 10.0), np.full(4, angle), np.ones(4))[0] for angle in angles]
     assert np.mean(given) == pytest.approx(10, rel=1e-3)
     assert (np.min(given), np.max(given)) == (pytest.approx(5, rel=1e-3), pytest.approx(15, rel=1e-3))
     assert np.sum(np.diff(np.array(given) > 10)) == 2 * ECCENTRIC_PERIODS
-
-
-def test_motors_on_one_battery_drive_with_its_power_and_brake_with_all_their_torque() -> None:
-    motors, torque = SharedSupply(supply_power=300.0), np.array([100.0, -50.0, 80.0, 20.0])
-    rates = np.array([4.0, -4.0, -2.0, 0.0])
-    given = motors.transmitted(Memory(), torque, np.zeros(4), rates)
-    assert (given * rates).clip(0).sum() == pytest.approx(300)
-    assert given == pytest.approx([50.0, -25.0, 80.0, 20.0])
-    assert motors.transmitted(Memory(), torque / 3, np.zeros(4), rates).tolist() == (torque / 3).tolist()
-
-
-def test_motors_with_steps_give_the_nearest() -> None:
-    motors = Actuation(SimulationParameters(torque_step=30.0), SimulationParameters())
-    steps, any_torque = motors.advance(np.tile([14.0, 16.0, -44.0, -46.0], (2, 1)))
-    assert steps[0].tolist() == [0.0, 30.0, -30.0, -60.0]
-    assert any_torque[0].tolist() == [14.0, 16.0, -44.0, -46.0]
 
 
 def test_a_joint_breaks_away_with_all_its_friction_and_slides_with_half_of_it() -> None:

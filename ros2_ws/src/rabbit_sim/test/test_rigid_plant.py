@@ -159,24 +159,20 @@ commands = arrays(float, (6, 4), elements=numbers(-1000, 1000))
 legs = st.sampled_from(Leg)
 
 
-def model_of(parameters):
-    model = pinocchio.buildModelFromXML(perturbed_urdf(parameters))
-    return model, model.createData(), [model.getFrameId(name) for name in ("left_foot", "right_foot")]
-
-
 @settings(max_examples=100, deadline=None)
 @given(robots, st.just(FOOT_RADIUS) | numbers(FOOT_RADIUS, 0.2), postures, rates, legs)
 def test_a_sole_is_where_its_lowest_point_is(p, radius, q, dq, leg):
     """And it moves as a part of the shin, by pinocchio; the smallest is the URDF's foot."""
     p = p.model_copy(update={"sole_radius": radius})
-    model, data, frames = model_of(p)
+    model = pinocchio.buildModelFromXML(perturbed_urdf(p))
+    data, foot = model.createData(), model.getFrameId(("left_foot", "right_foot")[leg])
     roll = p.sole_radius - FOOT_RADIUS
     pinocchio.forwardKinematics(model, data, q, dq, np.zeros(7))
     pinocchio.updateFramePlacements(model, data)
     axes = pinocchio.LOCAL_WORLD_ALIGNED
-    frame = data.oMf[frames[leg]]
+    frame = data.oMf[foot]
     place = frame.act(np.array([0.0, 0.0, roll]))[[0, 2]] - (0.0, roll)
-    motion = pinocchio.getFrameVelocity(model, data, frames[leg], axes)
+    motion = pinocchio.getFrameVelocity(model, data, foot, axes)
     ahead, up = place - frame.translation[[0, 2]]
     velocity = motion.linear[[0, 2]] + motion.angular[1] * np.array([up, -ahead])
     np.testing.assert_allclose(RabbitFeet(leg_shape(p)).positions(q)[leg], place, atol=1e-12)
