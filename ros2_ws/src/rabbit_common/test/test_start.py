@@ -5,7 +5,6 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -13,20 +12,6 @@ from rabbit_common.priority import BENEATH, NICE, leave_priority, scheduling, ta
 
 SOURCES = Path(__file__).resolve().parents[2]
 SCRIPTS = sorted(SOURCES.glob("*/bin/*"))
-
-
-@pytest.fixture(autouse=True)
-def interrupts_as_before() -> Iterator[None]:
-    """`main` changes what a Ctrl-C does."""
-    before = signal.getsignal(signal.SIGINT)
-    yield
-    signal.signal(signal.SIGINT, before)
-
-
-def ended(process: "subprocess.Popen[str]") -> tuple[int, str, str]:
-    """Exit code and what it said."""
-    out, said = process.communicate(timeout=180)
-    return process.returncode, out, said
 
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.name)
@@ -42,8 +27,7 @@ def test_an_early_interrupt_is_quiet(script: Path, seconds: float) -> None:
     )
     time.sleep(seconds)
     process.send_signal(signal.SIGINT)
-    _, _, said = ended(process)
-    assert "Traceback" not in said
+    assert "Traceback" not in process.communicate(timeout=180)[1]
 
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.name)

@@ -35,39 +35,31 @@ def state(tick, contact=LEFT, specific_force=None, **changes):
     return RobotState(tick, unknown, unknown, np.zeros((2, 2)), contact, 0, None, sensors=replace(sensors, **changes))
 
 
-def stands_at(pitch, joints):
-    """The left foothold from the hip."""
-    return ca.DM(foothold(pitch, joints, Leg.LEFT, 0.002)).full().ravel()
+def at(pitch, joints, leg=Leg.LEFT, radius=0.002):
+    """The foothold from the hip."""
+    return ca.DM(foothold(pitch, joints, leg, radius)).full().ravel()
 
 
-def test_a_robot_that_stands_still_is_known_at_once_and_stays():
-    estimator = ContactAidedFilter(EstimatorParameters())
-    for tick in range(200):
-        estimate = estimator.update(state(tick))
-    hip = -stands_at(PITCH, JOINTS)
-    assert estimate.q == pytest.approx([*hip, PITCH, *JOINTS], abs=1e-6)
-    assert estimate.dq == pytest.approx(np.zeros(7), abs=1e-6)
-
-
-def test_filters_of_several_threads_know_nothing_of_each_other():
+def test_robots_that_stand_still_are_known_and_filters_of_several_threads_know_nothing_of_each_other():
     """Each robot stands at a pitch of its own, and is found there."""
 
-    def hip_of(pitch):
+    def found(pitch):
         estimator, rest = ContactAidedFilter(EstimatorParameters()), np.array([-G * np.sin(pitch), G * np.cos(pitch)])
         for tick in range(1000):
             force = np.full(2, np.nan) if tick == 0 else rest
             estimate = estimator.update(state(tick, specific_force=force, orientation=orientation_of(pitch)))
-        return estimate.q[:3]
+        return estimate
 
-    pitches, usual = [-0.2, 0.0, 0.1, 0.3], sys.getswitchinterval()
+    pitches, usual = [-0.2, 0.0, PITCH, 0.3], sys.getswitchinterval()
     sys.setswitchinterval(1e-6)
     try:
         with ThreadPoolExecutor(len(pitches)) as pool:
-            hips = [*pool.map(hip_of, pitches)]
+            estimates = [*pool.map(found, pitches)]
     finally:
         sys.setswitchinterval(usual)
-    for hip, pitch in zip(hips, pitches, strict=True):
-        assert hip == pytest.approx([*-stands_at(pitch, JOINTS), pitch], abs=1e-6)
+    for estimate, pitch in zip(estimates, pitches, strict=True):
+        assert estimate.q == pytest.approx([*-at(pitch, JOINTS), pitch, *JOINTS], abs=1e-6)
+        assert estimate.dq == pytest.approx(np.zeros(7), abs=1e-6)
 
 
 def test_a_robot_in_free_fall_falls():
@@ -79,7 +71,7 @@ def test_a_robot_in_free_fall_falls():
         estimate = estimator.update(state(tick, NEITHER, np.zeros(2)))
     time = ticks * TICK_SECONDS
     assert estimate.dq[:2] == pytest.approx([0, -G * time], abs=1e-9)
-    fallen = estimate.q[:2] + stands_at(PITCH, JOINTS)
+    fallen = estimate.q[:2] + at(PITCH, JOINTS)
     assert fallen == pytest.approx([0, -G * time**2 / 2], abs=1e-9)
 
 
@@ -249,10 +241,6 @@ def test_what_is_finite_and_too_large_gives_no_state_in_part():
 
 
 STEP = 1e-6
-
-
-def at(pitch, joints, leg, radius):
-    return ca.DM(foothold(pitch, joints, leg, radius)).full().ravel()
 
 
 @pytest.mark.parametrize("leg", Leg)
