@@ -11,7 +11,7 @@ from rl_cbf_clf_controller.policy import ActorPolicy
 from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.uncertainty import PAPER, RL_CBF_CLF_QP, RL_CLF_QP
 from rl_cbf_clf_controller.weights import decode
-from rl_trainer.ddpg import AffineCritic, RewardCritic
+from rl_trainer.ddpg import RewardCritic
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.replay import Replay, as_batch
 from rl_trainer.reward import reward_terms
@@ -83,23 +83,13 @@ def test_actor_in_torch_and_in_numpy(problem: Problem, structured: bool, observe
         np.testing.assert_allclose(estimates.beta, beta[0], rtol=1e-3, atol=1e-2)
 
 
-@pytest.mark.parametrize("form", [RewardCritic, AffineCritic])
-def test_reward_critic_peaks_at_its_target(form: type[RewardCritic], random_transition: MakeTransition) -> None:
+def test_reward_critic_peaks_at_its_target(random_transition: MakeTransition) -> None:
+    """What it is in mu, where that is an affine function: `test_learning_learners.py`."""
     parameters, rng = TrainingParameters(), np.random.default_rng(1)
     batch = as_batch([random_transition(parameters.problem, rng) for _ in range(6)], parameters)
-    critic, alpha = form(parameters), torch.zeros(6, 5, 4)
+    critic, alpha = RewardCritic(parameters), torch.zeros(6, 5, 4)
     seen = critic.see(batch)
     best = critic.target(batch, seen, batch.mu) * batch.unit
     assert critic(batch, seen, batch.mu, alpha, best).abs().max() < 1e-6
     off = critic(batch, seen, batch.mu, alpha, best + 2 * batch.unit)
     assert torch.allclose(off, torch.tensor(-4.0), rtol=1e-3)
-
-
-def test_affine_critic_is_affine_in_mu(random_transition: MakeTransition) -> None:
-    parameters, rng = TrainingParameters(), np.random.default_rng(3)
-    batch = as_batch([random_transition(parameters.problem, rng) for _ in range(6)], parameters)
-    critic, step = AffineCritic(parameters), 50 * torch.randn(6, 4)
-    seen = critic.see(batch)
-    here, there, between = (critic.target(batch, seen, batch.mu + k * step) for k in (0, 1, 0.5))
-    assert torch.allclose(between, (here + there) / 2, atol=1e-4)
-    assert not torch.allclose(here, there, atol=1e-3)

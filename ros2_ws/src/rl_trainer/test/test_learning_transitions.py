@@ -41,22 +41,19 @@ def test_what_the_controller_measured_belongs_to_the_tick_before(tick: Tick) -> 
     np.testing.assert_allclose(join(first, second, parameters=PAPER).measured, [50.0, *measured[1:]])
 
 
-def test_nominal_is_taken_at_the_executed_mu(tick: Tick) -> None:
-    mu, a, b = np.arange(4.0), np.arange(20.0).reshape(5, 4), np.arange(5.0)
-    first = tick(20, output={"mu": mu, "mu_qp": -mu, "nominal_a": a, "nominal_b": b})
-    np.testing.assert_allclose(join(first, tick(21)).nominal, a @ mu + b)
-
-
 def test_nominal_of_a_tick_is_the_mean_of_its_ends_under_the_held_torque(tick: Tick) -> None:
-    """Exact where the nominal value changes at a constant rate; the CLF's, where the nominal acceleration does."""
+    """At the mu that was executed. Exact where the nominal value changes at a constant rate; the CLF's, where the
+    nominal acceleration does. As the paper has it, and where the torque was not held: that of the tick's begin.
+    """
     rng = np.random.default_rng(3)
-    mu, mu_held, (a, next_a) = rng.normal(size=4), rng.normal(size=4), rng.normal(size=(2, 5, 4))
-    first = tick(20, output={"mu": mu, "nominal_a": a, "LgV": a[0]})
-    second = tick(21, output={"mu_held": mu_held, "nominal_a": next_a})
-    expected = (a @ mu + next_a @ mu_held) / 2
-    expected[0] = a[0] @ (mu + mu_held) / 2
+    mu, mu_held, (a, next_a), b = rng.normal(size=4), rng.normal(size=4), rng.normal(size=(2, 5, 4)), np.arange(5.0)
+    first = tick(20, output={"mu": mu, "mu_qp": -mu, "nominal_a": a, "nominal_b": b, "LgV": a[0]})
+    second = tick(21, output={"mu_held": mu_held, "nominal_a": next_a, "nominal_b": b})
+    expected = (a @ mu + next_a @ mu_held) / 2 + b
+    expected[0] = a[0] @ (mu + mu_held) / 2 + b[0]
     np.testing.assert_allclose(join(first, second).nominal, expected)
-    np.testing.assert_allclose(join(first, second, parameters=PAPER).nominal, a @ mu)
+    np.testing.assert_allclose(join(first, second, parameters=PAPER).nominal, a @ mu + b)
+    np.testing.assert_allclose(join(first, tick(21)).nominal, a @ mu + b)
 
 
 def test_error_is_the_papers_loss(tick: Tick) -> None:

@@ -50,18 +50,13 @@ def begun(folder: Path, listener: Told) -> LearningThread:
     return learning
 
 
-def assert_same(one: Transition, other: Transition) -> None:
-    """Every number."""
-    for name in vars(one):
-        np.testing.assert_array_equal(getattr(one, name), getattr(other, name), name)
-
-
 def test_what_was_told_in_a_broken_episode_is_learned_from(tmp_path: Path, toy_world: Any, toy_controller: Any) -> None:
     listener = Told()
     walk(begun(tmp_path, listener), toy_world, toy_controller, 1, ends=False)  # and is never heard of again
     held = read_journal(journal_path(tmp_path, 0), PARAMETERS)
     for one, other in zip(held, listener.transitions, strict=True):
-        assert_same(one, other)
+        for name in vars(one):
+            np.testing.assert_array_equal(getattr(one, name), getattr(other, name), name)
     again = begun(tmp_path, Told())
     assert again.trainer.taken == len(listener.transitions) > 0
     accepted = sum(map(again.trainer.replay.accepts, listener.transitions))
