@@ -29,56 +29,38 @@ def orbit(designed: Designed) -> Orbit:
     return Orbit(designed[0], 601)
 
 
-def test_step_and_speed(orbit: Orbit) -> None:
+def test_the_orbit_keeps_its_specification(orbit: Orbit) -> None:
+    """Step and speed, forces and torques, the swing foot, the knees, the barriers."""
     last = orbit.instants[-1]
     assert last.swing == pytest.approx([0.36, 0], abs=1e-7)
     assert orbit.times[-1] == pytest.approx(0.36 / 0.7, rel=1e-3)
+    force, torque = orbit.series("force"), orbit.series("torque")
+    assert force[:, 1].min() >= SPECIFICATION.min_normal_force * (1 - BETWEEN_NODES)
+    assert np.abs(force[:, 0] / force[:, 1]).max() <= SPECIFICATION.friction_limit * (1 + BETWEEN_NODES)
+    assert np.abs(torque).max() <= SPECIFICATION.torque_limit * (1 + BETWEEN_NODES)
+    height, landing = orbit.series("swing")[1:-1, 1], last.swing_rate
+    bump = 4 * orbit.phases * (1 - orbit.phases)
+    assert (height >= SPECIFICATION.clearance * bump[1:-1] * (1 - BETWEEN_NODES) - 1e-5).all()
+    assert height.max() <= SPECIFICATION.max_foot_height * (1 + BETWEEN_NODES)
+    assert SPECIFICATION.landing_speed - 1e-6 <= -landing[1] <= SPECIFICATION.max_landing_speed + 1e-3
+    assert abs(landing[0]) <= SPECIFICATION.max_landing_slide + 1e-3
+    assert orbit.series("q")[:, [4, 6]].min() >= SPECIFICATION.knee_range[0] - 1e-4
+    assert SPECIFICATION.stone is not None
+    conditions = orbit.ecbf_conditions(SPECIFICATION.stone)
+    slack = BETWEEN_NODES * np.abs(conditions).max()
+    assert conditions.min() >= -min(slack, 1.0)  # m/s^2, against thousands mid-step
 
 
-def test_impact_and_relabelling_return_to_the_start(designed: Designed, orbit: Orbit) -> None:
+def test_impact_and_relabelling_return_to_the_start_and_the_walk_is_stable(designed: Designed, orbit: Orbit) -> None:
+    """And it has momentum to spare."""
+    coeffs, figures = designed[0].coeffs, designed[0].metadata["figures"]
     q, dq, impulse = orbit.after_impact()
     start_q, start_dq = designed[0].x_start
     assert q == pytest.approx(start_q, abs=1e-7)
     assert dq == pytest.approx(start_dq, abs=1e-3)  # the collocation error of 12 intervals
     assert impulse[1] > 0
     assert abs(impulse[0]) <= 0.8 * impulse[1]
-
-
-def test_bezier_ends_are_relabelled_into_each_other(designed: Designed) -> None:
-    coeffs = designed[0].coeffs
     assert coeffs[[2, 3, 0, 1], -1] == pytest.approx(coeffs[:, 0], abs=1e-7)
-
-
-def test_forces_and_torques(orbit: Orbit) -> None:
-    force, torque = orbit.series("force"), orbit.series("torque")
-    assert force[:, 1].min() >= SPECIFICATION.min_normal_force * (1 - BETWEEN_NODES)
-    assert np.abs(force[:, 0] / force[:, 1]).max() <= SPECIFICATION.friction_limit * (1 + BETWEEN_NODES)
-    assert np.abs(torque).max() <= SPECIFICATION.torque_limit * (1 + BETWEEN_NODES)
-
-
-def test_swing_foot(orbit: Orbit) -> None:
-    height, landing = orbit.series("swing")[1:-1, 1], orbit.instants[-1].swing_rate
-    bump = 4 * orbit.phases * (1 - orbit.phases)
-    assert (height >= SPECIFICATION.clearance * bump[1:-1] * (1 - BETWEEN_NODES) - 1e-5).all()
-    assert height.max() <= SPECIFICATION.max_foot_height * (1 + BETWEEN_NODES)
-    assert SPECIFICATION.landing_speed - 1e-6 <= -landing[1] <= SPECIFICATION.max_landing_speed + 1e-3
-    assert abs(landing[0]) <= SPECIFICATION.max_landing_slide + 1e-3
-
-
-def test_barriers(orbit: Orbit) -> None:
-    stone = SPECIFICATION.stone
-    assert stone is not None
-    conditions = orbit.ecbf_conditions(stone)
-    slack = BETWEEN_NODES * np.abs(conditions).max()
-    assert conditions.min() >= -min(slack, 1.0)  # m/s^2, against thousands mid-step
-
-
-def test_knees_never_stretch(orbit: Orbit) -> None:
-    assert orbit.series("q")[:, [4, 6]].min() >= SPECIFICATION.knee_range[0] - 1e-4
-
-
-def test_walk_is_stable_and_has_momentum_to_spare(designed: Designed) -> None:
-    figures = designed[0].metadata["figures"]
     assert 0 < figures["eigenvalue"] < 1
     assert figures["start_phase_rate"] > figures["least_phase_rate"]
 

@@ -6,7 +6,7 @@ import pytest
 from cbf_clf_qp.functions import NumpyFunction, packed
 from hypothesis import given
 from hypothesis import strategies as st
-from rabbit_description.gait import Gait, GaitLibrary, load_gaits
+from rabbit_description.gait import GaitLibrary, load_gaits
 from rabbit_experiments.assembly import AssemblyError
 from rabbit_gait_design.speed_model.fit import errors, fitted, without_mean
 from rabbit_gait_design.speed_model.walks import Steps, exploring_walks
@@ -36,19 +36,14 @@ class Paths:
 PATHS = Paths(LIBRARY)
 
 
-@pytest.mark.parametrize("gait", LIBRARY.gaits, ids=lambda gait: gait.name)
-def test_the_library_s_own_lengths_are_its_own_gaits(gait: Gait) -> None:
-    path = PATHS(gait.step_length, gait.step_length)
-    np.testing.assert_allclose(path.coeffs, gait.coeffs, rtol=0, atol=1e-14)
-    assert path.phase_angle_start == gait.phase_angle_start
-    assert path.phase_angle_end == pytest.approx(gait.phase_angle_end, abs=1e-14)
-
-
-@given(index=st.integers(0, len(LIBRARY.gaits) - 2), share=st.floats(0, 1))
+@given(index=st.integers(0, len(LIBRARY.gaits) - 2), share=st.sampled_from([0.0, 1.0]) | st.floats(0, 1))
 def test_between_two_gaits_all_is_linear(index: int, share: float) -> None:
+    """At its own lengths it has its own gaits."""
     left, right = LIBRARY.gaits[index : index + 2]
     length = (1 - share) * left.step_length + share * right.step_length
     path = PATHS(length, length)
+    start = (1 - share) * left.phase_angle_start + share * right.phase_angle_start
+    assert path.phase_angle_start == pytest.approx(start, abs=1e-12)
     np.testing.assert_allclose(path.coeffs, (1 - share) * left.coeffs + share * right.coeffs, atol=1e-12)
     ends = (1 - share) * left.phase_angle_end + share * right.phase_angle_end
     assert path.phase_angle_end == pytest.approx(ends, abs=1e-12)

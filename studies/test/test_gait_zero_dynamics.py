@@ -92,19 +92,6 @@ def test_least_phase_rate_parts_the_steps_that_are_completed(dynamics: ZeroDynam
     assert np.isnan(dynamics.phase_rates(phases, 0.999 * least)[-1])
 
 
-def test_impact_loses_energy_and_leaves_the_landed_foot_at_rest() -> None:
-    orbit = Orbit(GAIT)
-    last = orbit.instants[-1]
-    after, _ = orbit.dynamics.model.impact(last.q, last.dq)
-    model = orbit.dynamics.model
-    model.update(last.q, last.dq)
-    mass = model.mass_matrix()
-    assert after @ mass @ after < last.dq @ mass @ last.dq
-    feet = model.update(last.q, after)
-    landed_foot_rate = feet.swing_rate + after[:2] - feet.hip_rate  # the old stance foot moves now
-    assert landed_foot_rate == pytest.approx([0, 0], abs=1e-9)
-
-
 PLANE = [0, 2]
 WORLD = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 
