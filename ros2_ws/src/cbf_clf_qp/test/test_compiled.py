@@ -82,12 +82,6 @@ def run(*given: str, **environment: str) -> tuple[list[list[str]], str]:
     return [line.split() for line in done.stdout.splitlines()], done.stderr
 
 
-def program(path: Path, text: str) -> str:
-    path.write_text(f"#!/bin/sh\n{text}\n")
-    path.chmod(0o755)
-    return str(path)
-
-
 @pytest.mark.parametrize("make", [smooth, with_daqp])
 def test_bits_are_those_of_the_virtual_machine_alone_and_many_at_once(make: Any) -> None:
     function, n = make(), OFTEN - 100
@@ -117,19 +111,15 @@ def test_a_function_is_compiled_while_it_is_called(cache: Path) -> None:
     assert len(list(cache.iterdir())) == 1
 
 
-def test_what_is_compiled_is_kept(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    smooth().compile(wait=True)
-    assert [file.suffix for file in cache.iterdir()] == [".so"]
-    monkeypatch.setattr(subprocess, "Popen", None)
-    function = smooth()
-    function.compile()
-    assert function.fastest is not function.function
-
-
 @pytest.mark.parametrize("keep", [0, 20, 5000, -1])
-def test_a_damaged_library_is_made_again(keep: int, cache: Path) -> None:
-    """None of it is loaded: half a library can end the process."""
+def test_a_library_is_kept_and_made_again_if_damaged(keep: int, cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """None of it is loaded then: half a library can end the process."""
     smooth().compile(wait=True)
+    with monkeypatch.context() as without_compiler:
+        without_compiler.setattr(subprocess, "Popen", None)
+        function = smooth()
+        function.compile()
+        assert function.fastest is not function.function
     (library,) = cache.iterdir()
     whole = library.read_bytes()
     library.unlink()
@@ -149,20 +139,18 @@ def test_processes_compile_at_once(cache: Path) -> None:
     assert [file.suffix for file in cache.iterdir()] == [".so", ".so"]
 
 
-def broken(what: str, folder: Path) -> dict[str, str]:
-    """The environment of a process that cannot compile."""
-    if what == "no compiler":
-        return {"CC": "no-compiler -m64"}
-    if what == "broken compiler":
-        return {"CC": program(folder / "cc", "echo said; echo 'fatal error: all\n is lost' >&2; exit 1")}
-    if what == "full disk":
-        return {}  # files may have 1000 bytes
-    return {"CBF_CLF_QP_CACHE": "/proc/1/nothing"}
-
-
 @pytest.mark.parametrize("what", ["no compiler", "broken compiler", "full disk", "read-only cache"])
 def test_without_a_compiler_there_is_one_line_and_the_virtual_machine(what: str, tmp_path: Path, cache: Path) -> None:
-    said, errors = run(what.split()[0], **broken(what, tmp_path))
+    program = tmp_path / "cc"
+    program.write_text("#!/bin/sh\necho said; echo 'fatal error: all\n is lost' >&2; exit 1\n")
+    program.chmod(0o755)
+    environment = {
+        "no compiler": {"CC": "no-compiler -m64"},
+        "broken compiler": {"CC": str(program)},
+        "full disk": {},  # files may have 1000 bytes
+        "read-only cache": {"CBF_CLF_QP_CACHE": "/proc/1/nothing"},
+    }[what]
+    said, errors = run(what.split()[0], **environment)
     assert said == [[row, "False"] for row in ROWS]
     assert errors.startswith("cbf_clf_qp: functions are not compiled, and slower: ")
     assert errors.count("\n") == 1

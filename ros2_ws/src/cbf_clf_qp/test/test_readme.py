@@ -18,17 +18,10 @@ def names() -> dict[str, Any]:
     return found
 
 
-def test_by_the_model_alone_the_cart_hits_the_wall(names: dict[str, Any]) -> None:
+def test_by_the_model_alone_the_cart_hits_the_wall_and_as_it_learned_it_does_not(names: dict[str, Any]) -> None:
+    """B-ddot = -(2 mu + WIND) / 3, and -mu by the model. The force is held for a tick."""
     assert names["nominal"] < -0.02
-
-
-def test_with_the_learned_error_it_does_not(names: dict[str, Any]) -> None:
-    """The force is held for a tick."""
     assert names["learned"] > -1e-3
-
-
-def test_the_learned_error_is_the_true_one(names: dict[str, Any]) -> None:
-    """B-ddot = -(2 mu + WIND) / 3, and -mu by the model."""
     assert (names["alpha"], names["beta"]) == pytest.approx((1 / 3, -2 / 3), rel=1e-6)
 
 

@@ -150,46 +150,31 @@ def zeros(path: Path, bytes_: int, definition: str | None = None) -> Path:
     return path
 
 
-def chunk_of_zeros(path: Path) -> str:
-    zeros(path, 300_000_000)
-    return "a chunk of 300"
+BOMBS: dict[str, Callable[[Path], Path]] = {
+    "a chunk of 300": lambda path: zeros(path, 300_000_000),
+    "overlap: expected each once": lambda path: write(path, [state(1, tick) for tick in range(3)], chunks=1000),
+    "an array of more than": lambda path: zeros(path, 100, "builtin_interfaces/Time stamp\nstring[4000000000] q\n"),
+}
 
 
-def chunk_named_often(path: Path) -> str:
-    write(path, [state(1, tick) for tick in range(3)], chunks=1000)
-    return "overlap: expected each once"
-
-
-def long_array(path: Path) -> str:
-    zeros(path, 100, "builtin_interfaces/Time stamp\nstring[4000000000] q\n")
-    return "an array of more than"
-
-
-BOMBS = (chunk_of_zeros, chunk_named_often, long_array)
-
-
-@pytest.mark.parametrize("bomb", BOMBS)
-def test_a_bomb_is_refused_in_one_line(tmp_path: Path, bomb: Callable[[Path], str]) -> None:
-    said = bomb(tmp_path / "bag")
+@pytest.mark.parametrize("said", BOMBS)
+def test_a_bomb_is_refused_in_one_line(tmp_path: Path, said: str) -> None:
+    bag = BOMBS[said](tmp_path / "bag")
     for read in (contents, lambda path: list(iterate_episodes(path))):
         with pytest.raises(RecordingError) as refused:
-            read(tmp_path / "bag")
+            read(bag)
         assert said in str(refused.value)
         assert "\n" not in str(refused.value)
         assert len(str(refused.value)) < 2000
 
 
-def test_a_damaged_tick_takes_no_memory(tmp_path: Path) -> None:
-    """2^32 - 3 ticks are counted as lost, and none is kept."""
+def test_damaged_ticks_and_episode_numbers_take_no_memory(tmp_path: Path) -> None:
+    """2^32 - 3 ticks are counted as lost, and none is kept; each episode is far from the one before."""
     last = 2**32 - 1
-    (episode,) = contents(write(tmp_path / "bag", [state(1, 0), state(1, 1), state(1, last)])).episodes
+    (episode,) = contents(write(tmp_path / "ticks", [state(1, 0), state(1, 1), state(1, last)])).episodes
     assert (episode.recorded, episode.lost) == (3, last - 2)
-
-
-def test_damaged_episode_numbers_take_no_memory(tmp_path: Path) -> None:
-    """Each is far from the one before."""
     numbers = [1 + 10_000 * i for i in range(300)]
-    whole = contents(write(tmp_path / "bag", [state(number, tick) for number in numbers for tick in (0, 1)]))
+    whole = contents(write(tmp_path / "numbers", [state(number, tick) for number in numbers for tick in (0, 1)]))
     assert [episode.number for episode in whole.episodes if episode.presence == "recorded"] == numbers
     assert sum(episode.presence == "lost" for episode in whole.episodes) == MOST_UNHEARD
 

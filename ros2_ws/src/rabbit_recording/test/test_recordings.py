@@ -40,7 +40,7 @@ def test_ticks_come_back_bit_for_bit(tmp_path: Path, write_bag: WriteBag, walk: 
     assert (episode.seed, episode.outcome, episode.lost) == (SEED, "walked", 0)
     assert episode.landings == walk.landings
     for ours, theirs in zip(episode.records, walk.records, strict=True):
-        for name in ("tick", "q", "dq", "foot_force", "touchdowns", "preview"):
+        for name in ("tick", "q", "dq", "foot_force", "touchdowns", "preview", "applied"):
             np.testing.assert_array_equal(getattr(ours.state, name), getattr(theirs.state, name), name)
         for name in ("torque", "eta", "V", "mu", "alpha", "beta", "omega"):
             np.testing.assert_array_equal(getattr(ours.output, name), getattr(theirs.output, name), name)

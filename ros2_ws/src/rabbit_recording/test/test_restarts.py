@@ -26,23 +26,18 @@ def first_word() -> Any:
     return message("episode", 0, **{**waiting, "episode": 0, "phase": 0, "touchdowns": 0})
 
 
-@pytest.fixture
-def restarted(tmp_path: Path, walk: Walk) -> Path:
-    """The same walk by two simulators, as a recorder that does not look stores it: the second behind the first."""
-    messages, began = [], 0
+@pytest.mark.parametrize("command", ["info", "check", pytest.param("plot", marks=DRAWS)])
+def test_a_recording_of_two_simulators_is_refused(tmp_path: Path, walk: Walk, command: str) -> None:
+    """The same walk by two, as a recorder that does not look stores it: the second behind the first."""
+    messages, began, bag = [], 0, tmp_path / "bag"
     for run in range(2):
         messages.append(("episode", began, first_word()))
         once = ("policy_swap", "controller_settings") if run else ()
         messages += [(topic, began + tick * TICK_NS, what) for topic, tick, what in told(walk) if topic not in once]
         began += (len(walk.records) + 2) * TICK_NS
-    return write(tmp_path / "bag", messages)
-
-
-@pytest.mark.parametrize("command", ["info", "check", pytest.param("plot", marks=DRAWS)])
-def test_a_recording_of_two_simulators_is_refused(restarted: Path, command: str) -> None:
-    done = CliRunner().invoke(app, [command, str(restarted)])
+    done = CliRunner().invoke(app, [command, str(write(bag, messages))])
     assert done.exit_code == 2
-    assert f"recording {restarted}: the simulator was started again without a memory" in " ".join(done.output.split())
+    assert f"recording {bag}: the simulator was started again without a memory" in " ".join(done.output.split())
 
 
 def test_a_recorder_ends_where_another_simulator_begins(tmp_path: Path, walk: Walk) -> None:
@@ -75,18 +70,6 @@ def test_settings_changed_in_an_episode_are_replayed(tmp_path: Path, write_bag: 
     again = [output.torque for _, output in replayed(episode)]
     same = [np.array_equal(r.output.torque, torque) for r, torque in zip(episode.records, again, strict=True)]
     assert [r.state.tick for r, is_same in zip(episode.records, same, strict=True) if not is_same] == [last]
-
-
-def test_a_torque_that_stood_in_is_replayed(tmp_path: Path, write_bag: Any, walk: Walk) -> None:
-    """The controller hears in the state what acted: with another torque told there, mu_held is another."""
-
-    def change(topic: str, what: Any) -> Any:
-        if topic == "state" and what.tick == 10:
-            what.applied = np.asarray(walk.records[8].output.torque)
-        return what
-
-    state = read_episodes(write_bag(tmp_path / "bag", change=change))[1].records[10].state
-    assert np.array_equal(state.applied, walk.records[8].output.torque)
 
 
 OTHER = "/other fedcba9876543210"
@@ -156,10 +139,12 @@ def test_a_controller_started_again_holds_from_the_next_episode_on() -> None:
     assert in_force(told_so_far, 4) == [(0, 0.3)]
 
 
-@pytest.fixture
-def late(tmp_path: Path, walk: Walk) -> Path:
-    """The walk as episode 3 from tick 40 on and as episode 4, recorded late: settings and policy are history."""
-    length, messages = (len(walk.records) + 1) * TICK_NS, []
+LATE = 40  # tick
+
+
+def test_check_replays_what_begins_and_says_why_not_the_rest(tmp_path: Path, walk: Walk) -> None:
+    """The walk as episode 3 from tick 40 on and as episode 4, recorded late: settings and policy came as history."""
+    n, messages = len(walk.records), []
     for episode in (1, 2, 3, 4):
         for topic, tick, what in told(walk):
             is_history = topic in ("controller_settings", "policy_swap")
@@ -167,19 +152,10 @@ def late(tmp_path: Path, walk: Walk) -> Path:
             if episode > 1 if is_history else not is_live and topic != "episode":
                 continue
             what.episode = 0 if is_history else episode
-            at = (episode - 1) * length + tick * TICK_NS
+            at = ((episode - 1) * (n + 1) + tick) * TICK_NS
             what.header.stamp.sec, what.header.stamp.nanosec = divmod(at, 10**9)
             messages.append((topic, at, what))
-    return write(tmp_path / "bag", messages)
-
-
-LATE = 40  # tick
-
-
-def test_check_replays_what_begins_and_says_why_not_the_rest(late: Path, walk: Walk) -> None:
-    """The controller's settings came as history."""
-    done = CliRunner().invoke(app, ["check", str(late)])
-    n = len(walk.records)
+    done = CliRunner().invoke(app, ["check", str(write(tmp_path / "bag", messages))])
     assert done.output.splitlines() == [
         f"episode 3: {n - LATE} ticks, 0 lost, 0 replayed, a replay begins at tick 0, which is not in it",
         f"episode 4: {n} ticks, 0 lost, {n} replayed, torques identical",

@@ -127,7 +127,7 @@ def test_l1_adds_its_compensation():
     assert output.torque == pytest.approx(precontrol(built.look(later), output.mu + output.beta))
 
 
-def test_legs_swap_at_a_touchdown_and_not_before_its_time():
+def test_legs_swap_at_a_touchdown_and_not_before_its_time_and_a_touchdown_unseen_is_a_fault():
     built, landed = make("clf-qp"), np.array([True, True])
     end = GAIT.x_start[0].copy()
     end[2] += GAIT.phase_angle_end - GAIT.phase_angle_start  # the phase of the impact
@@ -135,9 +135,6 @@ def test_legs_swap_at_a_touchdown_and_not_before_its_time():
     assert built.step(state(tick=40, contact=landed)).stance is Leg.LEFT  # the phase of the start
     output = built.step(state(tick=41, q=end, contact=landed, touchdowns=1))
     assert (output.stance, output.step_index, output.fault) == (Leg.RIGHT, 1, "")
-
-
-def test_disagreement_about_contact_is_a_fault():
     assert "contact disagreement" in make("clf-qp").step(state(touchdowns=1)).fault
 
 

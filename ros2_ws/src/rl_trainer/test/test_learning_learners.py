@@ -121,14 +121,6 @@ def network(critic: torch.nn.Module, *inputs: Any) -> Any:
     return values @ last.weight.detach().double().numpy().T + last.bias.detach().numpy()
 
 
-def test_the_same_seed_gives_the_same_weights(random_transition: MakeTransition) -> None:
-    parameters = TrainingParameters(hidden1=16, hidden2=12)
-    versions = [trained(parameters, random_transition, 20).policy_file().version for _ in range(2)]
-    assert versions[0] == versions[1]
-    other = trained(TrainingParameters(hidden1=16, hidden2=12, seed=2), random_transition, 20)
-    assert other.policy_file().version != versions[0]
-
-
 TINY = {"hidden1": 12, "hidden2": 9}
 
 
