@@ -33,6 +33,7 @@ def error_of(path: Path, text: str, names: dict[str, object] | None = None) -> E
         ),
         ("def f():\n    return {}['a']\nf()\n", "line 2: KeyError: 'a': `return {}['a']`"),
         ("import json\njson.loads('{')\n", "line 2: JSONDecodeError: Expecting property name"),  # raised in a library
+        ("x = (\n", "line 1: SyntaxError: '(' was never closed: `x = (`"),
     ],
 )
 def test_file_line_and_source_line(tmp_path: Path, text: str, said: str) -> None:
@@ -41,15 +42,6 @@ def test_file_line_and_source_line(tmp_path: Path, text: str, said: str) -> None
     assert found is not None
     assert found.startswith(f"{path}, {said}")
     assert "\n" not in found
-
-
-def test_what_is_no_python_is_told_with_its_line(tmp_path: Path) -> None:
-    path = tmp_path / "mine.py"
-    path.write_text("x = (\n")
-    with pytest.raises(SyntaxError) as raised:
-        compile(path.read_text(), str(path), "exec")
-    raised.value.__traceback__ = None
-    assert fault_in_user_code(raised.value) == f"{path}, line 1: SyntaxError: '(' was never closed: `x = (`"
 
 
 def test_libraries_and_the_project_are_nobodys_own_code_but_a_plugin_among_the_libraries_is(

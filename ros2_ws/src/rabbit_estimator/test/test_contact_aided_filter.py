@@ -255,15 +255,10 @@ def test_the_rate_is_that_of_the_foothold(leg, radius):
         assert rate == pytest.approx((ends[1] - ends[0]) / (2 * STEP), abs=1e-8)
 
 
-def test_a_straight_leg_hangs_down():
-    assert at(0.0, np.zeros(4), Leg.RIGHT, 0.002) == pytest.approx([0, -0.8])
-
-
-def test_a_rolling_foot_stands_on_one_hold():
+def test_a_straight_leg_hangs_down_and_a_rolling_foot_stands_on_one_hold():
     """A wheel that rolls by an angle moves its centre by radius times the angle, and its hold not at all."""
+    assert at(0.0, np.zeros(4), Leg.RIGHT) == pytest.approx([0, -0.8])
     radius, turned = 0.05, 0.3
-    before = at(0.0, np.zeros(4), Leg.LEFT, radius)
-    after = at(turned, np.zeros(4), Leg.LEFT, radius)
-    centre = at(turned, np.zeros(4), Leg.LEFT, 0.0)
+    before, after, centre = (at(a, np.zeros(4), radius=r) for a, r in ((0.0, radius), (turned, radius), (turned, 0.0)))
     assert centre[0] - after[0] == pytest.approx(radius * turned)
     assert before[0] == 0

@@ -129,8 +129,8 @@ def told(walk: Walk) -> Iterator[tuple[str, int, Any]]:
         yield "state", tick, state_message(state)
         torque = record.output.torque.copy()  # a test may change a message, but not the walk
         yield "torque", tick, message("torque", tick, torque=torque, policy_version="zero", fault="")
-        yield "controller_state", tick, details(record)
-        yield "learner_terms", tick, terms(record)
+        yield "controller_state", tick, message("controller_state", tick, **state_fields(record.output))
+        yield "learner_terms", tick, message("learner_terms", tick, **terms_fields(record.output))
     end = walk.records[-1].state.tick + 1
     for landing in walk.landings:
         fields = {name: getattr(landing, name) for name in Landing.__dataclass_fields__}
@@ -148,13 +148,3 @@ def state_message(state: Any) -> Any:
         contact=np.array(state.contact, dtype=bool),
         previewed=state.preview is not None,
     )
-
-
-def details(record: Record) -> Any:
-    """A `ControllerState`."""
-    return message("controller_state", record.state.tick, **state_fields(record.output))
-
-
-def terms(record: Record) -> Any:
-    """A `LearnerTerms`."""
-    return message("learner_terms", record.state.tick, **terms_fields(record.output))

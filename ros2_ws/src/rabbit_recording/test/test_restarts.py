@@ -163,15 +163,10 @@ def test_check_replays_what_begins_and_says_why_not_the_rest(tmp_path: Path, wal
     assert done.exit_code == 0
 
 
-def policy(version: str) -> SimpleNamespace:
-    """An accepted policy, as the controller announces it."""
-    return SimpleNamespace(version=version, accepted=True, data=version.encode())
-
-
 def test_a_controller_that_is_started_again_takes_no_policy_away() -> None:
     """Episode 1 was walked with zero, episode 2 with another; then a new controller said zero once more."""
     policies = Policies()
     for version in ("zero", "one", "zero"):
-        policies.add(policy(version))
+        policies.add(SimpleNamespace(version=version, accepted=True, data=version.encode()))
     policies.forget_before("zero")  # episode 1 is decoded now
     assert policies.get("one") == b"one"

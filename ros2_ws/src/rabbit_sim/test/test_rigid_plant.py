@@ -68,16 +68,6 @@ def test_rigid_keeps_energy_and_its_foot_without_torque(truth, changes):
     assert reading.foot_position[Leg.LEFT] == pytest.approx([0, 0], abs=1e-10)
 
 
-def test_damping_takes_the_energy_that_its_power_says(truth):
-    robot = truth(plant="rigid", joint_damping=3.0)
-    q, dq = robot.start()
-    power = -3.0 * (robot.mass_matrix(q).diagonal()[3:] * dq[3:] ** 2).sum()
-    ddq, _ = accelerations(robot.pinned(), q, dq, np.zeros(4), Leg.LEFT)
-    h = 1e-6
-    rate = (robot.energy(q + h * dq, dq + h * ddq) - robot.energy(q - h * dq, dq - h * ddq)) / (2 * h)
-    assert rate == pytest.approx(power, rel=1e-5)
-
-
 def fall_until_touch(robot):
     q, dq = robot.start()
     plant = RigidPlant(robot.parameters)

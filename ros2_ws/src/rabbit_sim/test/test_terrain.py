@@ -50,24 +50,15 @@ def test_bad_course_files_are_refused_by_name(tmp_path, text, expected):
     assert str(path) in str(error.value)
 
 
-COURSE = [Stone(l_min=0.3, l_max=0.36), Stone(l_min=0.4, l_max=0.44)]
-
-
-def test_relative_stones_follow_the_foot():
-    terrain = Terrain(SimulationParameters(stones=2), COURSE)
-    terrain.place_next(1, 0.0)
-    seen = terrain.place_next(2, 0.31)
-    assert (seen.index, seen.l_min, seen.l_max) == pytest.approx((2, 0.4, 0.44))
-    assert terrain.placed[-1] == pytest.approx((0.71, 0.75, 0.0))
-
-
 @pytest.mark.parametrize("previewed", [True, False])
-def test_heights_are_absolute_and_previewed_from_the_stone_before(previewed):
+def test_stones_follow_the_foot_and_heights_are_absolute_and_previewed_from_the_stone_before(previewed):
     course = [Stone(l_min=0.3, l_max=0.36, height=0.02), Stone(l_min=0.4, l_max=0.44, height=-0.03)]
     terrain = Terrain(SimulationParameters(stones=2, height_preview=previewed), course)
-    seen = [terrain.place_next(1, 0.0).height, terrain.place_next(2, 0.31).height]
+    first, second = terrain.place_next(1, 0.0), terrain.place_next(2, 0.31)
+    assert (second.index, second.l_min, second.l_max) == pytest.approx((2, 0.4, 0.44))
+    assert terrain.placed[-1] == pytest.approx((0.71, 0.75, -0.03))
     assert [span.top for span in terrain.placed] == [0.0, 0.02, -0.03]
-    assert seen == pytest.approx([0.02, -0.05] if previewed else [0.0, 0.0])
+    assert [first.height, second.height] == pytest.approx([0.02, -0.05] if previewed else [0.0, 0.0])
 
 
 STANDS = (0.0, 0.0)

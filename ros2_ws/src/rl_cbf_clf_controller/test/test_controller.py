@@ -37,12 +37,6 @@ def precontrol(scene, mu):
     return scene.seen.control_a @ mu + scene.seen.control_b
 
 
-def programme(built, scene, estimates):
-    """The QP's rows over mu, divided by their norms, and their upper bounds."""
-    data = built.qp.programme(scene.x, scene.p, estimates)
-    return data.A[:, :4], data.upper
-
-
 class FixedPolicy(Policy):
     """The same estimates at every tick."""
 
@@ -95,25 +89,6 @@ def test_torque_is_the_precontrol_of_mu_also_where_noise_saturates_it(sigma):
         assert np.abs(output.torque).max() == pytest.approx(200.0)
     else:
         assert output.mu == pytest.approx(output.mu_qp)
-
-
-def test_estimates_shift_the_quantities_and_only_them():
-    built = make()
-    scene, zero = built.look(state()), Estimates.zero(5, 4)
-    freed = Estimates(zero.alpha, np.array([0.0, 0.0, 0.0, 100.0, 0.0]), zero.output_error)
-    (rows, upper), (with_force, shifted) = (programme(built, scene, estimates) for estimates in (zero, freed))
-    np.testing.assert_allclose(with_force, rows)
-    unilateral = built.qp.layout.names.index("C1")
-    per_newton = np.linalg.norm(rows[unilateral]) / np.linalg.norm(scene.seen.nominal_a[3])
-    assert (shifted - upper)[unilateral] == pytest.approx(100.0 * per_newton)  # F_N is 100 N more than nominal
-    assert (shifted - upper)[:3] == pytest.approx(0)
-
-
-def test_first_approach_adds_its_input():
-    alpha, beta = 0.5 * np.eye(4), np.array([10.0, 0.0, -5.0, 0.0])
-    output = make("io-rl-clf-qp", FixedPolicy(alpha, beta)).step(state())
-    scene = make("io-rl-clf-qp").look(state())
-    assert output.torque == pytest.approx(precontrol(scene, 1.5 * output.mu + beta))
 
 
 def test_l1_adds_its_compensation():

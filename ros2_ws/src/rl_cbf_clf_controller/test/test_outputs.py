@@ -70,9 +70,9 @@ def predicted(lag):
 
 
 @pytest.fixture
-def acceleration(models):
+def acceleration():
     """q'' (7,) at a state (14,), by pinocchio."""
-    model = models[1]()
+    model = pytest.importorskip("rabbit_gait_design.pinocchio_model", reason="no studies").PinocchioModel()
 
     def at(x):
         model.update(x[:7], x[7:])
