@@ -1,7 +1,6 @@
 """The learners find errors that are known in closed form, from measured transitions alone; from a policy on."""
 
 import copy
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -19,19 +18,10 @@ from rl_trainer.paper_ddpg import PaperDdpg
 from rl_trainer.parameters import PAPER_LITERAL, TrainingParameters
 from rl_trainer.replay import Batch, as_batch
 from rl_trainer.training import Trainer, make_learner
-from rl_trainer.transitions import Transition
+from tiny_world import random_transition, true_errors
 
-MakeTransition = Callable[..., Transition]
 SMALL = {"hidden1": 96, "hidden2": 64, "batch": 128, "actor_rate": 2e-3, "critic_rate": 2e-3, "polyak": 5e-3}
 DDPG, REGRESSION = {"learner": "ddpg"}, {"learner": "regression"}
-
-
-def trained(parameters: TrainingParameters, make: MakeTransition, updates: int) -> Trainer:
-    rng, trainer = np.random.default_rng(0), Trainer(parameters)
-    for _ in range(1500):
-        trainer.replay.add(make(parameters.problem, rng))
-    trainer.learn(updates)
-    return trainer
 
 
 @pytest.mark.parametrize(
@@ -44,17 +34,18 @@ def trained(parameters: TrainingParameters, make: MakeTransition, updates: int) 
         (IO_RL_CLF_QP, REGRESSION, 2500),
     ],
 )
-def test_closed_form_errors_are_recovered(
-    problem: Problem, changes: dict[str, Any], updates: int, random_transition: MakeTransition, truth: Any
-) -> None:
+def test_closed_form_errors_are_recovered(problem: Problem, changes: dict[str, Any], updates: int) -> None:
     """At states and mu not trained on, the corrections explain >= 95% of the variance of the true errors."""
-    trainer = trained(TrainingParameters(problem=problem, **SMALL, **changes), random_transition, updates)
+    rng, trainer = np.random.default_rng(0), Trainer(TrainingParameters(problem=problem, **SMALL, **changes))
+    for _ in range(1500):
+        trainer.replay.add(random_transition(problem, rng))
+    trainer.learn(updates)
     policy, rng = ActorPolicy(trainer.policy_file()), np.random.default_rng(1)
     wrong, size = [], []
     for _ in range(300):
         fresh = random_transition(problem, rng)
         estimates = policy.act(fresh.observation, fresh.LgV)
-        alpha, beta = truth(problem, fresh.observation, fresh.LgV)
+        alpha, beta = true_errors(problem, fresh.observation, fresh.LgV)
         wrong.append(estimates.error(fresh.mu) - (alpha @ fresh.mu + beta))
         size.append(alpha @ fresh.mu + beta)
     share = np.square(wrong).mean(axis=0) / np.square(size).mean(axis=0)
@@ -63,7 +54,7 @@ def test_closed_form_errors_are_recovered(
 
 @pytest.mark.parametrize("kind", [Ddpg, PaperDdpg])
 def test_an_update_is_the_one_that_the_equations_say(
-    kind: type[Ddpg | PaperDdpg], random_transition: MakeTransition, monkeypatch: pytest.MonkeyPatch
+    kind: type[Ddpg | PaperDdpg], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Both losses, by numpy from the weights; the noise of sampled actions and probes is zero."""
     monkeypatch.setattr(Ddpg, "_noise", lambda _, like: torch.zeros_like(like))
@@ -144,9 +135,7 @@ def test_it_begins_with_the_policys_weights(problem: Problem, learner: str) -> N
         np.testing.assert_allclose(mine.arrays[name], array, atol=1e-6 if name == PROBE else 0)
 
 
-def test_the_policy_stays_until_the_critic_has_learned(
-    monkeypatch: pytest.MonkeyPatch, random_transition: Callable[..., Transition]
-) -> None:
+def test_the_policy_stays_until_the_critic_has_learned(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(training, "CRITIC_FIRST", 6)
     parameters, rng = TrainingParameters(batch=8, **TINY), np.random.default_rng(0)
     given, trainer = policy(parameters), Trainer(parameters)

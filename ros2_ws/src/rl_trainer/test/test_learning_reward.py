@@ -1,8 +1,6 @@
 """Reward, replay, parameters; the actor in torch against the one in numpy, critics against the reward's form."""
 
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -16,12 +14,10 @@ from rl_trainer.parameters import TrainingParameters
 from rl_trainer.replay import Replay, as_batch
 from rl_trainer.reward import reward_terms
 from rl_trainer.training import Trainer
-from rl_trainer.transitions import Transition
-
-MakeTransition = Callable[..., Transition]
+from tiny_world import random_transition, true_errors
 
 
-def test_reward_is_the_weighted_sum_of_squares_and_the_penalty(random_transition: MakeTransition) -> None:
+def test_reward_is_the_weighted_sum_of_squares_and_the_penalty() -> None:
     unit = (10.0, 1.0, 1.0, 100.0, 100.0)
     problem = replace(RL_CBF_CLF_QP, name="other", error_scale=unit)
     parameters = TrainingParameters(problem=problem, learner="paper_ddpg", failure_penalty=7)
@@ -35,9 +31,9 @@ def test_reward_is_the_weighted_sum_of_squares_and_the_penalty(random_transition
 
 
 @pytest.mark.parametrize("problem", PAPER)
-def test_true_errors_earn_no_penalty(problem: Problem, random_transition: MakeTransition, truth: Any) -> None:
+def test_true_errors_earn_no_penalty(problem: Problem) -> None:
     transition = random_transition(problem, np.random.default_rng(1))
-    alpha, beta = truth(problem, transition.observation, transition.LgV)
+    alpha, beta = true_errors(problem, transition.observation, transition.LgV)
     nominal, measured = transition.nominal, transition.measured
     if problem.corrects_input:  # the input is corrected, so the plant answers mu itself
         nominal, measured = transition.mu + alpha @ transition.mu + beta, transition.mu
@@ -46,12 +42,12 @@ def test_true_errors_earn_no_penalty(problem: Problem, random_transition: MakeTr
     np.testing.assert_allclose(terms, 0, atol=1e-20)
 
 
-def test_what_is_not_measured_costs_nothing(random_transition: MakeTransition) -> None:
+def test_what_is_not_measured_costs_nothing() -> None:
     transition = random_transition(RL_CLF_QP, np.random.default_rng(2), measured=np.array([np.nan]))
     assert reward_terms(transition, TrainingParameters(problem=RL_CLF_QP)) == (0, 0)
 
 
-def test_replay_drops_the_oldest(random_transition: MakeTransition) -> None:
+def test_replay_drops_the_oldest() -> None:
     parameters = TrainingParameters(capacity=5, batch=64)
     replay, rng = Replay(parameters), np.random.default_rng(3)
     transitions = [random_transition(parameters.problem, rng) for _ in range(8)]
@@ -83,7 +79,7 @@ def test_actor_in_torch_and_in_numpy(problem: Problem, structured: bool, observe
         np.testing.assert_allclose(estimates.beta, beta[0], rtol=1e-3, atol=1e-2)
 
 
-def test_reward_critic_peaks_at_its_target(random_transition: MakeTransition) -> None:
+def test_reward_critic_peaks_at_its_target() -> None:
     """What it is in mu, where that is an affine function: `test_learning_learners.py`."""
     parameters, rng = TrainingParameters(), np.random.default_rng(1)
     batch = as_batch([random_transition(parameters.problem, rng) for _ in range(6)], parameters)

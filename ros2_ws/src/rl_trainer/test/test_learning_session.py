@@ -3,7 +3,6 @@
 import csv
 import itertools
 from pathlib import Path
-from typing import Any
 
 import pytest
 import torch
@@ -15,23 +14,24 @@ from rl_trainer.curve import CURVE, scalars
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.session import resume
 from rl_trainer.training import DivergenceError, Provenance, Trainer
+from tiny_world import ToyController, ToyWorld
 
 PARAMETERS = TrainingParameters(
     problem=RL_CLF_QP, episodes=4, nominal_episodes=1, batch=16, updates_least=10, hidden1=16, hidden2=12
 )
 
 
-def test_a_killed_run_resumes_with_nothing_lost(tmp_path: Path, toy_world: Any, toy_controller: Any) -> None:
+def test_a_killed_run_resumes_with_nothing_lost(tmp_path: Path) -> None:
     whole = Checkpoint(tmp_path / "whole", Trainer(PARAMETERS))
-    reports = list(resume(whole, toy_world, toy_controller))
+    reports = list(resume(whole, ToyWorld(), ToyController))
     cut = Checkpoint(tmp_path / "cut", Trainer(PARAMETERS))
-    seen = list(itertools.islice(resume(cut, toy_world, toy_controller), 2))
+    seen = list(itertools.islice(resume(cut, ToyWorld(), ToyController), 2))
     half = tmp_path / "cut" / f".{'0' * 32}.checkpoint.pt"
     half.write_bytes(b"killed here")
     again = Checkpoint(tmp_path / "cut", Trainer(PARAMETERS))
     assert len(again.trainer.reports) == 2
     assert not half.exists()
-    seen += list(resume(again, toy_world, toy_controller))
+    seen += list(resume(again, ToyWorld(), ToyController))
     assert seen == reports
     assert again.trainer.reports == reports
     assert all(report.seconds > 0 for report in again.trainer.reports)
@@ -42,13 +42,13 @@ def test_a_killed_run_resumes_with_nothing_lost(tmp_path: Path, toy_world: Any, 
     assert [int(row.pop("episode")) for row in rows] == [0, 1, 2, 3]
     for row, report in zip(rows, reports, strict=True):
         assert {name: float(text) for name, text in row.items() if text} == scalars(report)
-    assert not list(resume(Checkpoint(tmp_path / "cut", Trainer(PARAMETERS)), toy_world, toy_controller))
+    assert not list(resume(Checkpoint(tmp_path / "cut", Trainer(PARAMETERS)), ToyWorld(), ToyController))
     with pytest.raises(CheckpointError, match="other parameters"):
         Checkpoint(tmp_path / "cut", Trainer(PARAMETERS.model_copy(update={"seed": 2})))
 
 
 def test_a_killed_run_that_began_with_a_policy_resumes_with_nothing_lost(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, toy_world: Any, toy_controller: Any
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """Whether or not who goes on names the policy again; it is killed before its critic knows something."""
     monkeypatch.setattr(training, "CRITIC_FIRST", 60)
@@ -62,17 +62,17 @@ def test_a_killed_run_that_began_with_a_policy_resumes_with_nothing_lost(
         return Checkpoint(tmp_path / name, trainer)
 
     whole = begun("whole")
-    reports = list(resume(whole, toy_world, toy_controller))
+    reports = list(resume(whole, ToyWorld(), ToyController))
     for name, is_named in (("named", True), ("unnamed", False)):
-        assert list(itertools.islice(resume(begun(name), toy_world, toy_controller), 1)) == reports[:1]
+        assert list(itertools.islice(resume(begun(name), ToyWorld(), ToyController), 1)) == reports[:1]
         again = begun(name, is_named)
-        assert list(resume(again, toy_world, toy_controller)) == reports[1:]
+        assert list(resume(again, ToyWorld(), ToyController)) == reports[1:]
         assert again.trainer.policy_file().encode() == whole.trainer.policy_file().encode()
 
 
-def test_learning_that_diverges_keeps_the_checkpoint(tmp_path: Path, toy_world: Any, toy_controller: Any) -> None:
+def test_learning_that_diverges_keeps_the_checkpoint(tmp_path: Path) -> None:
     trainer = Trainer(PARAMETERS)
-    reports = resume(Checkpoint(tmp_path, trainer), toy_world, toy_controller)
+    reports = resume(Checkpoint(tmp_path, trainer), ToyWorld(), ToyController)
     next(reports)
     kept = (tmp_path / CHECKPOINT).read_bytes()
     with torch.no_grad():
@@ -84,9 +84,9 @@ def test_learning_that_diverges_keeps_the_checkpoint(tmp_path: Path, toy_world: 
     assert Checkpoint(tmp_path, Trainer(PARAMETERS)).trainer.episode == 1
 
 
-def test_a_damaged_checkpoint_is_refused(tmp_path: Path, toy_world: Any, toy_controller: Any) -> None:
+def test_a_damaged_checkpoint_is_refused(tmp_path: Path) -> None:
     """One bit is wrong. Any other: `tests/fuzz`."""
-    list(itertools.islice(resume(Checkpoint(tmp_path, Trainer(PARAMETERS)), toy_world, toy_controller), 1))
+    list(itertools.islice(resume(Checkpoint(tmp_path, Trainer(PARAMETERS)), ToyWorld(), ToyController), 1))
     data = bytearray((tmp_path / CHECKPOINT).read_bytes())
     data[999] ^= 4
     (tmp_path / CHECKPOINT).write_bytes(data)
@@ -94,9 +94,9 @@ def test_a_damaged_checkpoint_is_refused(tmp_path: Path, toy_world: Any, toy_con
         Checkpoint(tmp_path, Trainer(PARAMETERS))
 
 
-def test_the_folder_holds_a_policy_an_episode(tmp_path: Path, toy_world: Any, toy_controller: Any) -> None:
+def test_the_folder_holds_a_policy_an_episode(tmp_path: Path) -> None:
     trainer = Trainer(PARAMETERS, Provenance(plant={"mass_scale": 2.0}, commit="abc", command="rabbit train"))
-    reports = list(resume(Checkpoint(tmp_path, trainer), toy_world, toy_controller))
+    reports = list(resume(Checkpoint(tmp_path, trainer), ToyWorld(), ToyController))
     files = sorted((tmp_path / "policies").iterdir())
     assert [file.stem for file in files] == ["001", "002", "003", "004"]
     metadata = read(files[-1]).metadata

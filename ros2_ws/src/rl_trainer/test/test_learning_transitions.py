@@ -1,6 +1,5 @@
 """Transitions from ticks, RABBIT's and a task's: exact where the truth is linear; what is left out."""
 
-from collections.abc import Callable
 from typing import Any
 
 import casadi as ca
@@ -18,8 +17,8 @@ from rl_cbf_clf_controller.task_controller import NOMINAL, Controlling, TaskCont
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.replay import Replay
 from rl_trainer.transitions import Doubt, Transition, TransitionBuilder
+from tiny_world import tick
 
-Tick = Callable[..., tuple[RobotState, ControllerOutput]]
 PARAMETERS = TrainingParameters()
 PAPER = TrainingParameters(measurement="paper")
 
@@ -32,7 +31,7 @@ def join(*ticks: tuple[RobotState, ControllerOutput], parameters: TrainingParame
     return transitions[-1]
 
 
-def test_what_the_controller_measured_belongs_to_the_tick_before(tick: Tick) -> None:
+def test_what_the_controller_measured_belongs_to_the_tick_before() -> None:
     """Of V its own difference may be taken in place of the gradient's."""
     measured = np.array([40.0, 10.0, 20.0, 310.0, -40.0])
     first = tick(20, output={"V": 2.0, "measured": np.full(5, 7.0)})
@@ -41,7 +40,7 @@ def test_what_the_controller_measured_belongs_to_the_tick_before(tick: Tick) -> 
     np.testing.assert_allclose(join(first, second, parameters=PAPER).measured, [50.0, *measured[1:]])
 
 
-def test_nominal_of_a_tick_is_the_mean_of_its_ends_under_the_held_torque(tick: Tick) -> None:
+def test_nominal_of_a_tick_is_the_mean_of_its_ends_under_the_held_torque() -> None:
     """At the mu that was executed. Exact where the nominal value changes at a constant rate; the CLF's, where the
     nominal acceleration does. As the paper has it, and where the torque was not held: that of the tick's begin.
     """
@@ -56,7 +55,7 @@ def test_nominal_of_a_tick_is_the_mean_of_its_ends_under_the_held_torque(tick: T
     np.testing.assert_allclose(join(first, tick(21)).nominal, a @ mu + b)
 
 
-def test_error_is_the_papers_loss(tick: Tick) -> None:
+def test_error_is_the_papers_loss() -> None:
     """V-dot measured 50, nominal 10, corrected by alpha mu + beta = 25: the estimate is 15 short."""
     alpha = np.zeros((5, 4))
     alpha[0] = [5, 0, 0, 0]
@@ -89,14 +88,14 @@ def test_error_is_the_papers_loss(tick: Tick) -> None:
         ({"eta": np.array([0, 0, 0, 0, 0, 0, 0, -13.0])}, {}, {}, Doubt.FAR),
     ],
 )
-def test_doubts(tick: Tick, first: dict[str, Any], second: dict[str, Any], state: dict[str, Any], doubt: Doubt) -> None:
+def test_doubts(first: dict[str, Any], second: dict[str, Any], state: dict[str, Any], doubt: Doubt) -> None:
     transition = join(tick(20, output=first), tick(21, state=state, output=second))
     assert transition.doubt == doubt
     assert Replay(PARAMETERS).add(transition) == (doubt == Doubt.NONE)
     assert np.isnan(transition.measured).all() == (doubt == Doubt.UNMEASURED)
 
 
-def test_gaps_are_never_bridged(tick: Tick) -> None:
+def test_gaps_are_never_bridged() -> None:
     builder = TransitionBuilder(PARAMETERS)
     made = [builder.add(*tick(k)) for k in (0, 1, 3, 4)]
     assert [transition is not None for transition in made] == [False, True, False, True]
@@ -105,7 +104,7 @@ def test_gaps_are_never_bridged(tick: Tick) -> None:
 
 
 @pytest.mark.parametrize(("height", "pitch", "failed"), [(0.78, 0.0, False), (0.69, 0.0, True), (0.78, -1.1, True)])
-def test_the_last_transition_knows_of_failure_by_pose(tick: Tick, height: float, pitch: float, failed: bool) -> None:
+def test_the_last_transition_knows_of_failure_by_pose(height: float, pitch: float, failed: bool) -> None:
     builder = TransitionBuilder(PARAMETERS)
     builder.add(*tick(7))
     state, _ = tick(8, state={"q": np.array([0, height, pitch, 0, 0, 0, 0]), "running": False})

@@ -12,6 +12,7 @@ from rl_trainer.parameters import TrainingParameters
 from rl_trainer.rollout import Record, rollout
 from rl_trainer.training import Trainer
 from rl_trainer.transitions import Transition
+from tiny_world import ToyController, ToyWorld
 
 PARAMETERS = TrainingParameters(
     problem=RL_CLF_QP, batch=8, updates_least=2, hidden1=6, hidden2=5, capacity=500, every_tick=True
@@ -50,9 +51,9 @@ def begun(folder: Path, listener: Told) -> LearningThread:
     return learning
 
 
-def test_what_was_told_in_a_broken_episode_is_learned_from(tmp_path: Path, toy_world: Any, toy_controller: Any) -> None:
+def test_what_was_told_in_a_broken_episode_is_learned_from(tmp_path: Path) -> None:
     listener = Told()
-    walk(begun(tmp_path, listener), toy_world, toy_controller, 1, ends=False)  # and is never heard of again
+    walk(begun(tmp_path, listener), ToyWorld(), ToyController, 1, ends=False)  # and is never heard of again
     held = read_journal(journal_path(tmp_path, 0), PARAMETERS)
     for one, other in zip(held, listener.transitions, strict=True):
         for name in vars(one):
@@ -63,12 +64,10 @@ def test_what_was_told_in_a_broken_episode_is_learned_from(tmp_path: Path, toy_w
     assert again.trainer.replay.added == accepted > 0
 
 
-def test_a_kill_between_checkpoint_and_journal_doubles_nothing(
-    tmp_path: Path, toy_world: Any, toy_controller: Any
-) -> None:
+def test_a_kill_between_checkpoint_and_journal_doubles_nothing(tmp_path: Path) -> None:
     listener = Told()
     learning = begun(tmp_path, listener)
-    walk(learning, toy_world, toy_controller, 1, ends=False)
+    walk(learning, ToyWorld(), ToyController, 1, ends=False)
     old = journal_path(tmp_path, 0).read_bytes()
     learning.end(None, 1)
     learning._queue.get()()

@@ -1,12 +1,10 @@
 """Ticks, transitions and a tiny world for the learners, without a robot: the truth is written down, not simulated."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
 import casadi as ca
 import numpy as np
-import pytest
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.constraints import ResClf
 from rabbit_description.state import TICK_SECONDS, Array, Leg, RobotState
@@ -18,7 +16,6 @@ from rl_trainer.transitions import Doubt, Transition
 
 _CLF = ResClf(4, 0.1, (0.5, 0.8660254037844386))
 F, G, P = (ca.DM(matrix).full() for matrix in (_CLF.F, _CLF.G, _CLF.P))
-MakeTransition = Callable[..., Transition]
 
 
 def V_dot(eta: Array) -> Affine:
@@ -42,22 +39,20 @@ def make_state(tick: int, **changes: Any) -> RobotState:
 
 def make_output(tick: int, problem: Problem = RL_CBF_CLF_QP, **changes: Any) -> ControllerOutput:
     """Nothing moves, nothing is corrected."""
-    n = len(problem.quantities)
+    n, zeros = len(problem.quantities), np.zeros(4)
     output = ControllerOutput(
         tick=tick,
-        torque=np.zeros(4),
+        **dict.fromkeys(("torque", "mu", "mu_qp", "omega", "LgV"), zeros),
+        **{"clf_slack": 0.0, "rescue_slack": 0.0, "solve_seconds": 0.0, "V": 0.0},
+        **{"active": (), "saturated": False, "solver": "none", "status": "", "answered": True},
         stance=Leg.LEFT,
         step_index=0,
         step_time=tick * TICK_SECONDS,
         phase=0.3,
         eta=np.zeros(8),
-        V=0.0,
         barriers=np.zeros(2),
         barrier_rates=np.zeros(2),
         barrier_names=("B1", "B2"),
-        mu=np.zeros(4),
-        mu_qp=np.zeros(4),
-        omega=np.zeros(4),
         mu_held=np.full(4, np.nan),
         quantities=problem.quantities,
         nominal_a=np.zeros((n, 4)),
@@ -66,15 +61,6 @@ def make_output(tick: int, problem: Problem = RL_CBF_CLF_QP, **changes: Any) -> 
         alpha=np.zeros((n, 4)),
         beta=np.zeros(n),
         observation=np.zeros(len(problem.observation)),
-        LgV=np.zeros(4),
-        clf_slack=0.0,
-        rescue_slack=0.0,
-        active=(),
-        saturated=False,
-        solver="none",
-        status="",
-        answered=True,
-        solve_seconds=0.0,
         policy_version="zero",
     )
     return replace(output, **changes)
@@ -96,46 +82,41 @@ def true_errors(problem: Problem, observation: Array, LgV: Array) -> tuple[Array
     return np.array(alpha), np.array(beta)
 
 
-@pytest.fixture
-def random_transition() -> MakeTransition:
-    """Transitions at random states of the tiny world, measured without error."""
-
-    def make(problem: Problem, rng: np.random.Generator, **changes: Any) -> Transition:
-        center, scale = np.array([problem.unit(name) for name in problem.observation]).T
-        observation = center + scale * rng.standard_normal(len(center))
-        LgV = V_dot(observation[:8]).a[0]
-        mu_qp = 30 * rng.standard_normal(4)
-        mu = mu_qp + 8 * rng.standard_normal(4)
-        n = len(problem.quantities)
-        used_alpha, used_beta = np.zeros((n, 4)), np.zeros(n)
-        alpha, beta = true_errors(problem, observation, LgV)
-        nominal = np.arange(n, dtype=float)
-        measured = nominal + alpha @ mu + beta
-        if problem.corrects_input:
-            used_alpha, used_beta = 0.5 * rng.standard_normal((4, 4)), 20 * rng.standard_normal(4)
-            nominal = mu + used_alpha @ mu + used_beta
-            measured = nominal / 2 + drift(observation)
-        transition = Transition(
-            problem=problem,
-            tick=0,
-            step_index=1,
-            observation=observation,
-            LgV=LgV,
-            mu=mu,
-            mu_qp=mu_qp,
-            alpha=used_alpha,
-            beta=used_beta,
-            nominal=nominal,
-            measured=measured,
-            next_observation=observation,
-            next_LgV=LgV,
-            next_mu=mu,
-            failed=False,
-            doubt=Doubt.NONE,
-        )
-        return replace(transition, **changes)
-
-    return make
+def random_transition(problem: Problem, rng: np.random.Generator, **changes: Any) -> Transition:
+    """At a random state of the tiny world, measured without error."""
+    center, scale = np.array([problem.unit(name) for name in problem.observation]).T
+    observation = center + scale * rng.standard_normal(len(center))
+    LgV = V_dot(observation[:8]).a[0]
+    mu_qp = 30 * rng.standard_normal(4)
+    mu = mu_qp + 8 * rng.standard_normal(4)
+    n = len(problem.quantities)
+    used_alpha, used_beta = np.zeros((n, 4)), np.zeros(n)
+    alpha, beta = true_errors(problem, observation, LgV)
+    nominal = np.arange(n, dtype=float)
+    measured = nominal + alpha @ mu + beta
+    if problem.corrects_input:
+        used_alpha, used_beta = 0.5 * rng.standard_normal((4, 4)), 20 * rng.standard_normal(4)
+        nominal = mu + used_alpha @ mu + used_beta
+        measured = nominal / 2 + drift(observation)
+    transition = Transition(
+        problem=problem,
+        tick=0,
+        step_index=1,
+        observation=observation,
+        LgV=LgV,
+        mu=mu,
+        mu_qp=mu_qp,
+        alpha=used_alpha,
+        beta=used_beta,
+        nominal=nominal,
+        measured=measured,
+        next_observation=observation,
+        next_LgV=LgV,
+        next_mu=mu,
+        failed=False,
+        doubt=Doubt.NONE,
+    )
+    return replace(transition, **changes)
 
 
 class ToyWorld:
@@ -200,31 +181,6 @@ class ToyController:
         )
 
 
-@pytest.fixture
-def toy_world() -> ToyWorld:
-    return ToyWorld()
-
-
-@pytest.fixture
-def toy_controller() -> Callable[[LearnedPolicy, float], ToyController]:
-    return ToyController
-
-
-@pytest.fixture
-def tick() -> Callable[..., tuple[RobotState, ControllerOutput]]:
-    """A tick by its number: `tick(3, state={...}, output={...}, problem=...)`."""
-
-    def make(
-        number: int,
-        state: dict[str, Any] | None = None,
-        output: dict[str, Any] | None = None,
-        problem: Problem = RL_CBF_CLF_QP,
-    ) -> tuple[RobotState, ControllerOutput]:
-        return make_state(number, **(state or {})), make_output(number, problem, **(output or {}))
-
-    return make
-
-
-@pytest.fixture
-def truth() -> Callable[[Problem, Array, Array], tuple[Array, Array]]:
-    return true_errors
+def tick(number: int, state: Any = None, output: Any = None) -> tuple[RobotState, ControllerOutput]:
+    """By its number: `tick(3, state={...}, output={...})`."""
+    return make_state(number, **(state or {})), make_output(number, **(output or {}))
