@@ -16,6 +16,7 @@ from rabbit_sim.plant import FOOT_RADIUS, GRAVITY, Span
 from rabbit_sim.pybullet_plant import PybulletPlant
 from rabbit_sim.rigid_plant import RigidPlant
 from rabbit_sim.robot_urdf import leg_shape
+from true_robot import Truth, random_state
 
 PERTURBED = {"mass_scale": 1.7, "payload": 11.0, "payload_height": 0.4, "link_bend": 0.06, "joint_damping": 2.5}
 LOADED = {"payload": 8.0, "payload_ahead": 0.1, "left_leg_scale": 1.3, "swing_payload": 9.0, "slope": 3.0}
@@ -80,17 +81,17 @@ def acceleration(plant, dq):
 
 @pytest.mark.parametrize("changes", [{}, PERTURBED, {"mass_scale": 0.5}, {"link_bend": -0.1}, LOADED, LOADED | SLIDING])
 @pytest.mark.parametrize("seed", range(3))
-def test_it_accelerates_as_pinocchio_in_free_flight(engine, random_state, truth, changes, seed):
-    robot, (q, dq) = truth(**changes), random_state(seed)
+def test_it_accelerates_as_pinocchio_in_free_flight(engine, changes, seed):
+    robot, (q, dq) = Truth(**changes), random_state(seed)
     with world(engine, robot.parameters, q, dq) as plant:
         measured = acceleration(plant, dq)
     expected = robot.free_acceleration(q, dq, TORQUE)
     assert np.abs(measured - expected).max() <= 1e-9 * np.abs(expected).max()
 
 
-def test_a_robot_without_stones_falls_freely_and_the_torque_lasts_the_whole_tick(engine, random_state, truth):
+def test_a_robot_without_stones_falls_freely_and_the_torque_lasts_the_whole_tick(engine):
     """Momentum falls by gravity alone; joint rates change by ten substeps' torque, not one's."""
-    robot = truth()
+    robot = Truth()
     q = random_state(4)[0]
     with world(engine, robot.parameters, q, np.zeros(7)) as plant:
         plant.advance(np.zeros(4))
@@ -107,9 +108,9 @@ def test_a_robot_without_stones_falls_freely_and_the_torque_lasts_the_whole_tick
     assert not driven.contact.any()
 
 
-def test_a_push_acts_at_the_torsos_centre_of_mass(engine, random_state, truth):
+def test_a_push_acts_at_the_torsos_centre_of_mass(engine):
     """Generalised impulse J' F t, to the 2% that a tick moves the robot."""
-    robot = truth()
+    robot = Truth()
     q, arm = random_state(4)[0], 0.24
     ended = []
     for force in (0.0, 200.0):
@@ -124,9 +125,9 @@ def test_a_push_acts_at_the_torsos_centre_of_mass(engine, random_state, truth):
 
 @pytest.mark.parametrize("changes", [{}, PERTURBED])
 @pytest.mark.parametrize("seed", range(3))
-def test_stance_follows_the_pinned_model(engine, truth, changes, seed):
+def test_stance_follows_the_pinned_model(engine, changes, seed):
     """Over one tick once the rubber has settled, to 2%: the true foot rolls on its sphere and its rubber creeps on."""
-    robot = truth(**changes)
+    robot = Truth(**changes)
     q, dq = robot.start(seed)
     q[6] += 0.4  # the swing foot stays off the ground until the rubber has settled
     q, dq = project(q, dq, RabbitFeet(leg_shape(robot.parameters)))
@@ -178,9 +179,9 @@ def test_the_robot_on_soft_ground_swings_as_a_block_on_a_spring(engine, damping)
     np.testing.assert_allclose(heights, -static * (1 - swing), atol=numerical * static)
 
 
-def test_dry_friction_holds_a_joint_and_then_takes_its_share(engine, random_state, truth):
+def test_dry_friction_holds_a_joint_and_then_takes_its_share(engine):
     """In free fall from rest: 5 N m at every joint against friction of 6 do nothing; 20 act as 14."""
-    robot = truth(coulomb=6.0)
+    robot = Truth(coulomb=6.0)
     q, signs = random_state(4)[0], np.array([1.0, -1.0, -1.0, 1.0])
     with world(engine, robot.parameters, q, np.zeros(7)) as plant:
         for _ in range(3):
@@ -189,7 +190,7 @@ def test_dry_friction_holds_a_joint_and_then_takes_its_share(engine, random_stat
         plant.reset(q, np.zeros(7), Leg.LEFT)
         plant.advance(20.0 * signs)
         slid = plant.observe()
-    with world(engine, truth().parameters, q, np.zeros(7)) as plant:
+    with world(engine, Truth().parameters, q, np.zeros(7)) as plant:
         plant.advance(14.0 * signs)
         smooth = plant.observe()
     assert (np.sign(slid.dq[3:]) == signs).all()
@@ -197,9 +198,9 @@ def test_dry_friction_holds_a_joint_and_then_takes_its_share(engine, random_stat
     assert slid.dq == pytest.approx(smooth.dq, abs=0.03 * np.abs(smooth.dq[2:]).max())
 
 
-def test_measured_forces_are_the_momentum_that_the_ground_gives(engine, truth):
+def test_measured_forces_are_the_momentum_that_the_ground_gives(engine):
     """Sum of forces - m g = dp/dt over a tick with a landing in it; 1% for Bullet's first-order steps."""
-    robot = truth()
+    robot = Truth()
     q, dq = robot.start()
     with world(engine, robot.parameters, q, dq, GROUND) as plant:
         touched = False
@@ -225,7 +226,7 @@ def where_it_slides(plant):
 
 
 @pytest.mark.parametrize("push", [-100.0, 100.0])
-def test_a_payload_slides_to_its_stop_when_the_torso_is_pushed(engine, random_state, push):
+def test_a_payload_slides_to_its_stop_when_the_torso_is_pushed(engine, push):
     """It stays behind, and the stop takes it along."""
     parameters = SimulationParameters(sliding_payload=2.0, slide_length=0.03)
     with world(engine, parameters, random_state(4)[0], np.zeros(7)) as plant:
@@ -239,8 +240,8 @@ def test_a_payload_slides_to_its_stop_when_the_torso_is_pushed(engine, random_st
 
 
 @pytest.mark.parametrize(("ground", "underfoot"), [(0.3, None), (0.8, None), (1.5, 0.4)])
-def test_the_ground_keeps_coulombs_cone_and_a_foot_slides_on_it(engine, truth, ground, underfoot):
-    robot = truth(ground_friction=ground)
+def test_the_ground_keeps_coulombs_cone_and_a_foot_slides_on_it(engine, ground, underfoot):
+    robot = Truth(ground_friction=ground)
     q, dq = standing(robot)
     friction = underfoot or ground
     with world(engine, robot.parameters, q, dq, GROUND) as plant:
@@ -255,9 +256,9 @@ def test_the_ground_keeps_coulombs_cone_and_a_foot_slides_on_it(engine, truth, g
 
 
 @pytest.mark.parametrize(("edge", "stands"), [(0.0, True), (-0.0005, True), (-2.5 * FOOT_RADIUS, False)])
-def test_a_foot_stands_up_to_the_edge_of_a_real_stone(engine, truth, edge, stands):
+def test_a_foot_stands_up_to_the_edge_of_a_real_stone(engine, edge, stands):
     """The stone ends at x = edge under a foot at 0: boxes reach a foot's radius further."""
-    q, dq = standing(truth())
+    q, dq = standing(Truth())
     with world(engine, SimulationParameters(), q, dq, [Span(edge - 0.05, edge)]) as plant:
         for _ in range(3):
             plant.advance(np.zeros(4))

@@ -30,6 +30,7 @@ from rabbit_sim.perturbations.wind import Wind
 from rabbit_sim.plant import SUBSTEP_SECONDS, SUBSTEPS, PlantReading, Touch
 from rabbit_sim.simulation import Simulation
 from sensing import begun, state_of
+from true_robot import Truth, random_state
 
 
 def measured(value: float) -> RobotState:
@@ -256,10 +257,10 @@ def forces(seed, ticks, **changes):
 
 @pytest.mark.parametrize("plant", ["pybullet", "mujoco"])
 @pytest.mark.parametrize("wind", [40.0, -15.0])
-def test_wind_gives_a_falling_robot_its_impulse(plant, wind, truth, random_state):
+def test_wind_gives_a_falling_robot_its_impulse(plant, wind):
     """Momentum is force times time along the ground; nothing else acts there."""
     parameters = SimulationParameters(plant=plant, wind=wind, stop_at_miss=False, fall_height=0, fall_pitch=3.0)
-    robot, simulation = truth(), Simulation(parameters, GAIT)
+    robot, simulation = Truth(), Simulation(parameters, GAIT)
     simulation.reset(1)
     q, _ = random_state(4)
     simulation.plant.reset(q, np.zeros(7), 0)

@@ -18,6 +18,7 @@ from rabbit_sim.rigid_plant import RigidPlant
 from rabbit_sim.robot_urdf import leg_shape, perturbed_urdf, true_mass
 from rabbit_sim.stones import draw_course
 from rabbit_sim.terrain import Terrain
+from true_robot import Truth, random_state
 
 PERTURBED = {"mass_scale": 1.7, "payload": 11.0, "payload_height": 0.4, "link_bend": 0.06, "joint_damping": 2.5}
 TORQUE = np.array([12.0, 25.0, -20.0, 8.0])
@@ -27,8 +28,8 @@ PRESSING = np.array([-10.0, -25.0, 10.0, -10.0])  # keeps the left foot on the g
 @pytest.mark.parametrize("changes", [{}, PERTURBED])
 @pytest.mark.parametrize("leg", Leg)
 @pytest.mark.parametrize("seed", range(3))
-def test_pinned_dynamics_obey_the_equation_of_motion_and_hold_the_foot(random_state, truth, changes, leg, seed):
-    robot = truth(**changes)
+def test_pinned_dynamics_obey_the_equation_of_motion_and_hold_the_foot(changes, leg, seed):
+    robot = Truth(**changes)
     q, dq = random_state(seed)
     ddq, force = accelerations(robot.pinned(), q, dq, TORQUE, leg)
     jacobian, h = robot.jacobian(q, leg), 1e-6
@@ -41,9 +42,9 @@ def test_pinned_dynamics_obey_the_equation_of_motion_and_hold_the_foot(random_st
 @pytest.mark.parametrize("changes", [{}, PERTURBED])
 @pytest.mark.parametrize("leg", Leg)
 @pytest.mark.parametrize("seed", range(5))
-def test_impact_identities(random_state, truth, changes, leg, seed):
+def test_impact_identities(changes, leg, seed):
     """New stance foot at rest, energy not grown, momentum from the impulse alone, none about the contact."""
-    robot = truth(**changes)
+    robot = Truth(**changes)
     q, dq = random_state(seed)
     after, impulse = robot.pinned().impact(q, dq, leg)
     assert robot.jacobian(q, leg) @ after == pytest.approx([0, 0], abs=1e-12)
@@ -55,8 +56,8 @@ def test_impact_identities(random_state, truth, changes, leg, seed):
 
 
 @pytest.mark.parametrize("changes", [{}, {**PERTURBED, "joint_damping": 0.0}])
-def test_rigid_keeps_energy_and_its_foot_without_torque(truth, changes):
-    robot = truth(plant="rigid", **changes)
+def test_rigid_keeps_energy_and_its_foot_without_torque(changes):
+    robot = Truth(plant="rigid", **changes)
     q, dq = robot.start()
     plant = RigidPlant(robot.parameters)
     plant.reset(q, dq, Leg.LEFT)
@@ -81,8 +82,8 @@ def fall_until_touch(robot):
 
 
 @pytest.mark.parametrize("changes", [{}, PERTURBED])
-def test_rigid_locates_the_impact_and_pins_the_other_foot(truth, changes):
-    robot = truth(plant="rigid", **changes)
+def test_rigid_locates_the_impact_and_pins_the_other_foot(changes):
+    robot = Truth(plant="rigid", **changes)
     before, after = fall_until_touch(robot)
     (touch,) = after.touches
     assert touch.leg is Leg.RIGHT
@@ -96,12 +97,12 @@ def test_rigid_locates_the_impact_and_pins_the_other_foot(truth, changes):
 
 
 @pytest.mark.parametrize("slope", [4.0, -7.0])
-def test_a_slope_is_a_turned_world(truth, slope):
+def test_a_slope_is_a_turned_world(slope):
     """In the ground's frame and in the level one the robot does the same; the pinned foot knows no ground."""
-    robot, angle = truth(slope=slope, plant="rigid", motor_lag=0.004), np.deg2rad(slope)
+    robot, angle = Truth(slope=slope, plant="rigid", motor_lag=0.004), np.deg2rad(slope)
     uphill = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])  # from the ground's frame
     q, dq = robot.start()
-    tilted, level = RigidPlant(robot.parameters), RigidPlant(truth(plant="rigid", motor_lag=0.004).parameters)
+    tilted, level = RigidPlant(robot.parameters), RigidPlant(Truth(plant="rigid", motor_lag=0.004).parameters)
     tilted.reset(q, dq, Leg.LEFT)
     level.reset(np.r_[uphill @ q[:2], q[2] - angle, q[3:]], np.r_[uphill @ dq[:2], dq[2:]], Leg.LEFT)
     for _ in range(5):
@@ -113,10 +114,10 @@ def test_a_slope_is_a_turned_world(truth, slope):
     np.testing.assert_allclose(turned.foot_force, seen.foot_force @ uphill.T, atol=1e-6)
 
 
-def test_loads_weigh_where_they_are(truth):
+def test_loads_weigh_where_they_are():
     """Mass and CoM of the whole robot, and the inertia about it, by Steiner's theorem for each part."""
-    plain = truth(mass_scale=1.5)
-    loaded = truth(mass_scale=1.5, payload=8.0, payload_ahead=0.1, payload_height=0.3, left_leg_scale=1.3)
+    plain = Truth(mass_scale=1.5)
+    loaded = Truth(mass_scale=1.5, payload=8.0, payload_ahead=0.1, payload_height=0.3, left_leg_scale=1.3)
     upright = np.zeros(7)
     legs = 0.3 * 1.5 * np.array([6.8, 3.2])  # added to the left thigh and shin
     mass, moment = 48.0 + 8.0 + legs.sum(), 8.0 * np.array([0.1, 0.3]) + np.array([0.0, legs @ [-0.11, -0.64]])

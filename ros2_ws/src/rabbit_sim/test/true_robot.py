@@ -1,8 +1,7 @@
-"""The true robot by pinocchio, for comparison."""
+"""The true robot by pinocchio, for comparison, and states of it."""
 
 import numpy as np
 import pinocchio
-import pytest
 from rabbit_description.gait import load_gait
 from rabbit_description.state import Array
 from rabbit_sim.initial_state import initial_state
@@ -70,19 +69,8 @@ class Truth:
         return about_com + arm[1] * linear[0] - arm[0] * linear[1]
 
 
-@pytest.fixture
-def truth() -> type[Truth]:
-    """Call it with the perturbations."""
-    return Truth
-
-
-@pytest.fixture
-def random_state():
-    """`(q, dq)` in the air by seed."""
-
-    def draw(seed: int) -> tuple[Array, Array]:
-        rng = np.random.default_rng(seed)
-        q = np.array([0.3, 3.0, 0.1, -0.3, 0.5, -0.3, 0.6]) + rng.uniform(-0.4, 0.4, 7)
-        return q, rng.uniform(-4, 4, 7)
-
-    return draw
+def random_state(seed: int) -> tuple[Array, Array]:
+    """`(q, dq)` in the air."""
+    rng = np.random.default_rng(seed)
+    q = np.array([0.3, 3.0, 0.1, -0.3, 0.5, -0.3, 0.6]) + rng.uniform(-0.4, 0.4, 7)
+    return q, rng.uniform(-4, 4, 7)
