@@ -262,36 +262,29 @@ def test_a_job_that_kills_its_workers_is_given_up(started: Started, tmp_path: Pa
         running.join()
 
 
-def test_a_killed_scheduler_ends_the_run_which_goes_on_later(started: Started, tmp_path: Path) -> None:
+def test_after_a_killed_client_and_a_killed_scheduler_a_run_goes_on_later(started: Started, tmp_path: Path) -> None:
     scheduler = started.scheduler()
-    started.worker()
-    jobs, cache = naps(started, *[0.3] * 12), Cache(tmp_path / "cache")
-    running = Running(jobs, cache, started.address)
-    until(lambda: len(running.kept) >= 3)
-    scheduler.kill()
-    with pytest.raises(JobError, match="the scheduler ended"):
-        running.join()
-    kept = {job.number for job in running.kept}
-    begun = len(started.began)
-    started.scheduler()
-    started.worker()
-    engine.run(jobs, cache, started.address)
-    assert {number for number, _ in started.began[begun:]} == {*range(12)} - kept
-
-
-def test_a_killed_client_goes_on_later(started: Started, tmp_path: Path) -> None:
-    started.scheduler()
     started.worker()
     jobs, cache = naps(started, *[0.3] * 12), Cache(tmp_path / "cache")
     client = started.client(started.address)
     until(lambda: cache.get(jobs[2]))
     client.kill()
     client.wait()
-    missing = sum(cache.get(job) is None for job in jobs)
-    assert 0 < missing < 12
-    assert engine.run(jobs, cache, started.address) == missing
+    before = {job.number for job in jobs if cache.get(job) is not None}
+    assert 0 < len(before) < 12
+    running = Running(jobs, cache, started.address)
+    until(lambda: len(running.kept) >= 3)
+    scheduler.kill()
+    with pytest.raises(JobError, match="the scheduler ended"):
+        running.join()
+    kept = before | {job.number for job in running.kept}
+    begun = len(started.began)
+    assert begun <= len(kept) + 2 + 2  # one was under way, one next
+    started.scheduler()
+    started.worker()
+    assert engine.run(jobs, cache, started.address) == 12 - len(kept)
+    assert {number for number, _ in started.began[begun:]} == {*range(12)} - kept
     assert is_kept(jobs, cache)
-    assert len(started.began) <= 12 + 2  # one was under way, one next
 
 
 def test_only_who_has_a_certificate_reaches_a_scheduler_with_tls(

@@ -49,19 +49,13 @@ def test_without_margins_it_is_the_qp_and_margins_that_vanish_lead_to_it() -> No
         assert np.abs(found[2] - exact).max() < 1e-4 * (1 + np.abs(exact).max())
 
 
-def test_a_constant_margin_is_a_tighter_row() -> None:
+def test_margins_have_their_closed_forms_and_what_no_input_meets_is_not_solved() -> None:
+    """A constant margin is a tighter row; one in the direction of the input takes its share of it."""
     a, b, margin = np.array([[3.0, 0, -4.0, 0]]), -10.0, 2.0
     qp, layout, _ = programme([at_most(("CLF",), of(a), of([b]), HARD)])
     factor = np.array([[margin / 5, 0, 0, 0, 0]])  # the row's norm is 5
     assert solve(qp, layout, {0: factor})[0] == pytest.approx(a[0] * (b - margin) / 25, abs=1e-6)
-
-
-def test_a_margin_in_the_direction_of_the_input_has_the_closed_form() -> None:
     qp, layout, _ = programme([at_most(("CLF",), of([[1.0, 0, 0, 0]]), of([-1.0]), HARD)])
     factor = np.array([[0, 0.5, 0, 0, 0]])  # x + |x| / 2 <= -1
     assert solve(qp, layout, {0: factor})[0] == pytest.approx([-2.0, 0, 0, 0], abs=1e-6)
-
-
-def test_what_no_input_meets_is_not_solved() -> None:
-    qp, layout, _ = programme([at_most(("CLF",), of([[1.0, 0, 0, 0]]), of([-1.0]), HARD)])
-    assert not solve(qp, layout, {0: np.array([[0, 2.0, 0, 0, 0]])})[1]  # x + 2 |x| <= -1
+    assert not solve(qp, layout, {0: 4 * factor})[1]  # x + 2 |x| <= -1

@@ -96,15 +96,10 @@ def test_torques_and_rows_on_the_same_states(folder: Path, name: str) -> None:
     print(f"{name}: {np.abs(torques - wanted).max():.2g} N m")
 
 
-@pytest.mark.parametrize("name", CONTROLLERS)
-def test_twenty_courses_end_as_in_python(folder: Path, name: str) -> None:
-    answers = ask(folder, ask="walks", name=name, settings=SETTINGS, seeds=[*SEEDS])
-    assert [(answer["outcome"], answer["stones"]) for answer in answers] == endings(*assembly(name).build())
-
-
 @pytest.mark.parametrize(
     ("name", "settings"),
     [
+        *((name, {}) for name in CONTROLLERS),
         ("best", {"mass_scale": 3.0, "payload": 40.0}),
         ("nominal, tuned", {"mass_scale": 3.0}),
         ("learned", {"mass_scale": 3.0}),
@@ -112,12 +107,12 @@ def test_twenty_courses_end_as_in_python(folder: Path, name: str) -> None:
         ("nominal, tuned", {"ground_friction": 0.7, "stone_width": 0.03}),
     ],
 )
-def test_falls_are_alike(folder: Path, name: str, settings: dict[str, float]) -> None:
-    """Where robots fall, a rounding decides after which stone."""
+def test_twenty_courses_end_as_in_python(folder: Path, name: str, settings: dict[str, float]) -> None:
+    """Also where robots fall, and a rounding decides after which stone."""
     answers = ask(folder, ask="walks", name=name, settings={**SETTINGS, **settings}, seeds=[*SEEDS])
     wanted = endings(*assembly(name, **settings).build())
     assert [(answer["outcome"], answer["stones"]) for answer in answers] == wanted
-    assert {outcome for outcome, _ in wanted} > {"walked"}
+    assert not settings or {outcome for outcome, _ in wanted} > {"walked"}
 
 
 @pytest.mark.parametrize("settings", [{}, {"mass_scale": 1.7, "payload": 30.0, "ground_friction": 0.6}])

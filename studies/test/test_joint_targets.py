@@ -31,13 +31,6 @@ from rabbit_sim.simulation import Simulation
 GAITS = load_gaits("paper_stones")
 
 
-def some_network(seed: int = 1) -> NetworkPolicy:
-    about = NetworkAbout(learner="none", hidden=(16, 16), ticks=0, hours=0.0, seed=seed, command="")
-    rng = np.random.default_rng(seed)
-    arrays = {name: (0.03 * rng.standard_normal(shape)).astype(np.float32) for name, shape in about.shapes.items()}
-    return NetworkPolicy(ModelFile(about, arrays))
-
-
 def controller(terrain: str, policy: NetworkPolicy) -> JointTargetController:
     return JointTargetController(PD.on(terrain).assembly().controller, GAITS, policy)
 
@@ -77,7 +70,10 @@ def test_an_action_gives_the_torque_it_was_found_for_or_the_nearest() -> None:
 
 
 def test_the_history_is_of_this_episode_the_newest_last() -> None:
-    own = controller("stones", some_network())
+    about = NetworkAbout(learner="none", hidden=(16, 16), ticks=0, hours=0.0, seed=1, command="")
+    rng = np.random.default_rng(1)
+    arrays = {name: (0.03 * rng.standard_normal(shape)).astype(np.float32) for name, shape in about.shapes.items()}
+    own = controller("stones", NetworkPolicy(ModelFile(about, arrays)))
     simulation = Simulation(SimulationParameters(plant="rigid"), GAITS)
     state, memory, frames = simulation.reset(1), Memory.of(1), []
     own.reset(1)
