@@ -22,25 +22,18 @@ from rl_cbf_clf_controller.weights import SHIPPED
 JOB = Walk(CBF_CLF.assembly(stones=1), 7)
 
 
-@pytest.fixture
-def counted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """Seeds of the runs that are made."""
-    seeds: list[int] = []
-    do = Walk.do
+def test_the_same_content_is_not_run_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    seeds, do = list[int](), Walk.do
 
     def noted(job: Walk) -> Any:
         seeds.append(job.seed)
         return do(job)
 
     monkeypatch.setattr(Walk, "do", noted)
-    return seeds
-
-
-def test_the_same_content_is_not_run_again(tmp_path: Path, counted: list[int]) -> None:
     assert run([JOB, JOB], Cache(tmp_path), 1) == 1
     first = Cache(tmp_path).get(JOB)
     assert run([replace(JOB, title="another title")], Cache(tmp_path), 1) == 0
-    assert counted == [7]
+    assert seeds == [7]
     assert Cache(tmp_path).get(JOB) == first
 
 

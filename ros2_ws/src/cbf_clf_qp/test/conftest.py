@@ -71,12 +71,7 @@ def double_pendulum() -> Plant:
     return Plant(system, {"q": q, "dq": dq, "tip": tip, "u": u}, {"tip": 0.5})
 
 
-PLANTS: dict[str, Callable[[], Plant]] = {
-    "cart": cart,
-    "pendulum": pendulum,
-    "segway": segway,
-    "double_pendulum": double_pendulum,
-}
+PLANTS: dict[str, Callable[[], Plant]] = {of.__name__: of for of in (cart, pendulum, segway, double_pendulum)}
 
 
 @pytest.fixture

@@ -177,13 +177,21 @@ def test_of_two_masters_none_is_obeyed_until_one_commands_zero():
     assert made.acts.any()
 
 
-def test_a_command_acts_no_longer_than_its_time_out():
+def test_nothing_acts_longer_than_its_time_out_nor_without_joint_states_nor_where_the_guard_stood_still_itself():
     made = guard(timeout=0.05)
     made.sense(105 * TICK, 0.049)
     made.look(0.05)
     assert made.acts.any()
     made.look(0.051)
     assert (made.acts.any(), made.fault) == (False, "no command for 0.051 s; expected one every 0.05 s")
+    blind = guard(timeout=0.05)
+    for now in (0.04, 0.06):
+        blind.command(FULL, 100 * TICK, now)
+    assert (blind.acts.any(), blind.fault) == (False, "no joint_states for 0.060 s; expected one every 0.05 s")
+    slept = guard(timeout=0.05)
+    slept.sense(400 * TICK, 3.0)
+    slept.command(FULL, 400 * TICK, 3.0)
+    assert not slept.acts.any()
 
 
 def test_commands_of_old_sensors_are_void_until_the_bridge_rests():
@@ -196,20 +204,6 @@ def test_commands_of_old_sensors_are_void_until_the_bridge_rests():
     made.command(np.zeros(4), 106 * TICK, 0.04)
     made.command(FULL, 106 * TICK, 0.04)
     assert made.acts.any()
-
-
-def test_without_joint_states_nobody_knows_how_old_a_command_is():
-    made = guard(timeout=0.05)
-    for now in (0.04, 0.06):
-        made.command(FULL, 100 * TICK, now)
-    assert (made.acts.any(), made.fault) == (False, "no joint_states for 0.060 s; expected one every 0.05 s")
-
-
-def test_a_guard_that_stood_still_itself_hands_on_nothing():
-    made = guard(timeout=0.05)
-    made.sense(400 * TICK, 3.0)
-    made.command(FULL, 400 * TICK, 3.0)
-    assert not made.acts.any()
 
 
 def test_no_torque_is_larger_than_the_limit():

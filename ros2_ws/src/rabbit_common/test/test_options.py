@@ -47,7 +47,7 @@ class Robot(BaseModel):
 OWN = Defaults(always={"lag": 0.004}, bare={"controller": "learned", "scale": 2.0})
 
 
-def test_a_commands_own_defaults_are_those_that_its_help_names() -> None:
+def test_a_commands_own_defaults_are_those_that_its_help_names_and_count_beneath_what_is_given() -> None:
     assert described([Robot], OWN) == {
         "controller": "which (default: learned)",
         "lag": "s (default: 0.004)",
@@ -56,10 +56,7 @@ def test_a_commands_own_defaults_are_those_that_its_help_names() -> None:
     assert Given({}, OWN).build(Robot) == Robot(controller="learned", lag=0.004, scale=2.0)
     assert Given({"controller": "other"}, OWN).build(Robot) == Robot(controller="other", lag=0.004, scale=1.0)
     assert Given({"lag": "0", "scale": "3"}, OWN).build(Robot) == Robot(controller="learned", lag=0.0, scale=3.0)
-
-
-def test_what_a_file_says_counts_beneath_what_is_given() -> None:
-    given = Given({"scale": "3"}, OWN).over({"controller": "other", "scale": 4.0})
+    given = Given({"scale": "3"}, OWN).over({"controller": "other", "scale": 4.0})  # what a file says
     assert given.build(Robot) == Robot(controller="other", lag=0.004, scale=3.0)
 
 

@@ -19,7 +19,6 @@ from rabbit_experiments.summary import mean_interval, summarise, wilson
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Landing, Outcome
 from rl_cbf_clf_controller.controller import Controller
-from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.parameters import load_parameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_cbf_clf_controller.problem import LEAST, ROOM
@@ -41,16 +40,12 @@ def record() -> Record:
     return Record(state, output)
 
 
-def output_at(record: Record, tick: int, **changes: Any) -> ControllerOutput:
-    return replace(record.output, tick=tick, **changes)
-
-
 def row_of(record: Record, forces: list[tuple[float, float]], age: int = LATE) -> RunRow:
     """A run whose stance foot has these forces from `age` ticks after the start on, and pushes before."""
     every = [(0.0, 300.0)] * (age or 1) + forces
     tally = RunTally(0, PARAMETERS)
     for tick, force in enumerate(every):
-        tally.observe(output_at(record, tick, step_index=0 if age else tick), np.array([force, force]))
+        tally.observe(replace(record.output, tick=tick, step_index=0 if age else tick), np.array([force, force]))
     return tally.result(7, Outcome.WALKED, [], [0.001], []).row
 
 
@@ -77,7 +72,8 @@ def run(record: Record, landings: list[Landing], outcome: Outcome, force: Array,
     tally = RunTally(0, PARAMETERS)
     for tick in range(2 * LATE * max(len(landings), 1)):
         step = tick // (2 * LATE)
-        tally.observe(output_at(record, tick, step_index=step, stance=Leg(step % 2), **changes), force)
+        output = replace(record.output, tick=tick, step_index=step, stance=Leg(step % 2), **changes)
+        tally.observe(output, force)
     seconds = [0.001] * tally.ticks
     return tally.result(7, outcome, landings, seconds, seconds)
 

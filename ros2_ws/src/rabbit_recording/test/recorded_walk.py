@@ -103,12 +103,8 @@ def message(topic: str, tick: int, **fields: Any) -> Any:
     kind: Any = TYPES.types[f"rabbit_msgs/msg/{TOPICS[topic]}"]
     names = {name: value for name, value in WHO.items() if name in kind.__dataclass_fields__}
     head = {"header": header, "episode": 1, **({"tick": tick} if topic != "preview" else {})}
-    return kind(**{**head, **names, **{name: arrayed(value) for name, value in fields.items()}})
-
-
-def arrayed(value: Any) -> Any:
-    """An array as `rosbags` takes it."""
-    return np.array(value) if isinstance(value, array) else value
+    arrays = {name: np.array(value) for name, value in fields.items() if isinstance(value, array)}  # for `rosbags`
+    return kind(**head | names | fields | arrays)
 
 
 def told(walk: Walk) -> Iterator[tuple[str, int, Any]]:

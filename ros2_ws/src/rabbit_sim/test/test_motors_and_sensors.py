@@ -169,16 +169,13 @@ def readings(acceleration):
         yield PlantReading(rows[-1, :7], rows[-1, 7:], *still, rows)
 
 
-def exactly(reading):
-    return state_of(reading.q.copy(), reading.dq.copy(), reading.foot_force.copy())
-
-
 def test_a_rate_is_that_of_a_millisecond_ago():
     """The slope of a parabola over an interval is its slope in the middle."""
     exact = SimulationParameters(sensors="lab", encoder_resolution=1e-9, **PERFECT)
     measure = begun(Laboratory, exact)
     for number, reading in enumerate(readings(40.0), start=1):
-        rates = measure(exactly(reading), reading).sensors.joint_rates
+        exactly = state_of(reading.q.copy(), reading.dq.copy(), reading.foot_force.copy())
+        rates = measure(exactly, reading).sensors.joint_rates
         assert rates == pytest.approx(40.0 * (number * TICK_SECONDS - SUBSTEP_SECONDS), abs=1e-5)
 
 

@@ -152,8 +152,7 @@ def test_slips_count_on_slippery_ground(play, friction, outcome):
     assert play([up(feet=((-0.0049, 0), (0, 0)))], ground_friction=friction)[1].outcome is Outcome.RUNNING
 
 
-def test_a_foot_that_hops_does_not_slip(play):
-    """It slides from where it came down again."""
+def test_a_foot_that_hops_slides_from_where_it_came_down_again(play):
     hop = [up(contact=(False, False), feet=((0.02, 0), (0, 0))), up(feet=((0.0249, 0), (0, 0)))]
     assert play(hop, ground_friction=0.6)[1].outcome is Outcome.RUNNING
     assert play([*hop, up(feet=((0.0251, 0), (0, 0)))], ground_friction=0.6)[1].outcome is Outcome.SLIP

@@ -10,14 +10,10 @@ from rabbit_sim.terrain import Ground, Terrain
 from rabbit_sim.touchdown_detector import TouchdownDetector
 
 
-def near_edges(seed=0, **changes):
-    p = SimulationParameters(**{"stones": 4000, **changes})
-    return np.array([stone.l_min for stone in draw_course(p, np.random.default_rng(seed))])
-
-
 def test_normal_course_has_the_truncated_normals_moments():
     """Variance of a normal cut at +-2.5: 1 - 2 a phi(a) / (2 Phi(a) - 1) = 0.9113 of the whole one's."""
-    edges = near_edges(l_min_mean=0.35, l_min_std=0.02)
+    p = SimulationParameters(stones=4000, l_min_mean=0.35, l_min_std=0.02)
+    edges = np.array([stone.l_min for stone in draw_course(p, np.random.default_rng(0))])
     assert np.abs(edges - 0.35).max() <= 2.5 * 0.02
     assert edges.mean() == pytest.approx(0.35, abs=4 * 0.02 / np.sqrt(4000))
     assert edges.std() == pytest.approx(0.02 * np.sqrt(0.9113), rel=0.05)
