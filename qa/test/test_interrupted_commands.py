@@ -50,10 +50,10 @@ COMMANDS: dict[str, tuple[tuple[str, ...], Callable[[Path], Any]]] = {
 EACH = [pytest.param(name, marks=() if name in ("evaluate", "train") else pytest.mark.slow) for name in COMMANDS]
 
 
-def start(name: str, out: Path, mark: str = "", *more: str) -> "subprocess.Popen[str]":
+def start(name: str, out: Path, mark: str = "") -> "subprocess.Popen[str]":
     """The command in a session of its own."""
     return subprocess.Popen(
-        [*RABBIT, name, *COMMANDS[name][0], *more, "--out", str(out)],
+        [*RABBIT, name, *COMMANDS[name][0], "--out", str(out)],
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
@@ -217,15 +217,6 @@ print(json.dumps({"files": len(files), "own": [each.name for each in own], "serv
 """
 
 
-def run(folder: Path, *words: object) -> str:
-    """Python in a process of its own in `folder`, which is on its path; what it prints."""
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join((str(folder), os.environ.get("PYTHONPATH", "")))}
-    command = [sys.executable, *map(str, words)]
-    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=3600)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
-
-
 @pytest.mark.timeout(1800)
 def test_after_a_single_change_no_old_result_is_served(tmp_path: Path) -> None:
     """Of seed, parameters, class, a library's version, or one byte of what the run read or imported."""
@@ -239,7 +230,11 @@ def test_after_a_single_change_no_old_result_is_served(tmp_path: Path) -> None:
     shutil.copy(packages / "rabbit_description/gaits/stones_0350_084.yaml", tmp_path / "gait.yaml")
     shutil.copy(packages / "rl_cbf_clf_controller/policies/rl-cbf-clf-qp.safetensors", tmp_path)
     (tmp_path / "course.yaml").write_text("stones:\n" + "- {l_min: 0.3, l_max: 0.4}\n" * 5)
-    found: dict[str, Any] = json.loads(run(packages, "-c", PROGRAM, tmp_path, CHANGES).splitlines()[-1])
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join((str(packages), os.environ.get("PYTHONPATH", "")))}
+    command = [sys.executable, "-c", PROGRAM, str(tmp_path), str(CHANGES)]
+    done = subprocess.run(command, cwd=packages, env=environment, capture_output=True, text=True, timeout=3600)
+    assert done.returncode == 0, done.stderr
+    found: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
     assert found["files"] > 50
     assert {*found["own"]} >= {"gait.yaml", "course.yaml", "rl-cbf-clf-qp.safetensors", "assembly.py", "late.py"}
     assert found["served"] == []

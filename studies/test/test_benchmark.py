@@ -19,22 +19,21 @@ from typer.testing import CliRunner
 TINY = Protocol(courses=1, stones=1)
 
 
-def test_the_sign_test_is_binomial_over_discordant_courses() -> None:
+def test_paired_courses_have_a_binomial_sign_test_and_a_difference_with_an_interval() -> None:
+    """The test is over the discordant ones.
+
+    20 against 10 of 100: with half a course more in each cell 10 of 102, and the variance 31 - 10^2 / 102.
+    """
     five = paired([True] * 5 + [True, False], [False] * 5 + [True, False])
     assert (five.courses, five.only_this, five.only_other) == (7, 5, 0)
     assert five.p_value == pytest.approx(2 * 0.5**5)
     assert paired([True, False], [True, False]).p_value == 1
     assert paired([True, False], [False, True]).p_value == 1
-
-
-def test_the_difference_of_paired_courses_has_an_interval() -> None:
-    """20 against 10 of 100: with half a course more in each cell 10 of 102, and the variance 31 - 10^2 / 102."""
     pair = paired([True] * 20 + [False] * 80, [False] * 20 + [True] * 10 + [False] * 70)
     assert pair.difference == pytest.approx((0.1, 0.09804 - 0.10528, 0.09804 + 0.10528), abs=1e-5)
-    worse = paired([False] * 10, [True] * 10).difference
-    assert worse[0] == -1
-    assert worse[1] == -1
-    assert -1 < worse[2] < 0
+    least, low, high = paired([False] * 10, [True] * 10).difference
+    assert (least, low) == (-1, -1)
+    assert -1 < high < 0
 
 
 def test_holm_multiplies_the_least_by_all_and_never_decreases() -> None:

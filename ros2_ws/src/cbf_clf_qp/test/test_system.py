@@ -66,19 +66,6 @@ def chain() -> System:
     return System(x, u, ca.vertcat(x[1], x[2], u))
 
 
-@pytest.mark.parametrize("degree", [1, 2, 3])
-def test_each_relative_degree_has_its_row(chain: System, degree: int) -> None:
-    """s^r + K (1, ..., s^(r-1)) = prod (s + p_i): for poles 1, 2, 3 the coefficients are known."""
-    gains = {1: [1], 2: [2, 3], 3: [6, 11, 6]}[degree]
-    x = np.array([0.3, -0.2, 0.7])[3 - degree :]
-    quantity = Barrier("B", chain.x[3 - degree], poles=(1, 2, 3)[:degree]).on(chain)
-    (row,) = quantity.rows(quantity.value)
-    bound = ca.Function("f", [chain.x], [-row.upper])(np.array([0.3, -0.2, 0.7]))
-    assert float(bound) == pytest.approx(-np.dot(gains, x))
-    assert row.A.is_constant()
-    assert float(row.A) == -1  # -u <= K x
-
-
 @pytest.mark.parametrize(("output", "given"), [(0, 2), (0, 1), (1, 1), (0, 4), (1, 3), (2, 2), (2, 3)])
 def test_another_relative_degree_is_refused(chain: System, output: int, given: int) -> None:
     right = 3 - output

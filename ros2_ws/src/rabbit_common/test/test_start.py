@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 from rabbit_common.priority import BENEATH, NICE, leave_priority, scheduling, take_listeners_priority, take_priority
@@ -40,20 +41,17 @@ def test_without_the_workspace_an_executable_says_what_to_source(script: Path) -
     assert "setup.bash" in line
 
 
-def test_priority_is_taken_where_permitted() -> None:
-    take_priority(7, pytest.skip)
-    try:
-        assert scheduling() == "SCHED_FIFO 7"
-    finally:
-        leave_priority()
-    assert scheduling() == "ordinary"
-
-
 @pytest.mark.parametrize(
-    ("priority", "own"), [(50, f"SCHED_FIFO {50 - BENEATH}"), (3, "SCHED_FIFO 1"), (0, "ordinary")]
+    ("take", "priority", "own"),
+    [
+        (take_priority, 7, "SCHED_FIFO 7"),
+        (take_listeners_priority, 50, f"SCHED_FIFO {50 - BENEATH}"),
+        (take_listeners_priority, 3, "SCHED_FIFO 1"),
+        (take_listeners_priority, 0, "ordinary"),
+    ],
 )
-def test_listeners_are_beneath(priority: int, own: str) -> None:
-    take_listeners_priority(priority, pytest.skip)
+def test_priority_is_taken_where_permitted_and_listeners_are_beneath(take: Any, priority: int, own: str) -> None:
+    take(priority, pytest.skip)
     found = scheduling()
     leave_priority()
     assert (found, scheduling()) == (own, "ordinary")

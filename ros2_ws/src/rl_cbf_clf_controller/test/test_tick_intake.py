@@ -64,15 +64,6 @@ def stone(index: int) -> StonePreview:
     return StonePreview(index=index, l_min=0.3, l_max=0.4)
 
 
-def test_the_next_episodes_first_stone_is_kept_after_a_whole_course() -> None:
-    previews = PreviewBuffer()
-    for index in range(1, 31):
-        previews.add(PRESENT, stone(index), index, PRESENT)
-    previews.add(PRESENT + 1, stone(1), 31, PRESENT)
-    assert previews.get(PRESENT + 1, 1, 30, 31) == stone(1)
-    assert previews.get(PRESENT, 30, 29, 30) == stone(30)
-
-
 def test_a_copy_of_another_stones_preview_is_not_taken_for_the_own_one() -> None:
     """A stranger repeats the preview of stone 1, stamped 10, as that of stone 2, and as the next episode's stone 1."""
     copy, own, next_own = StonePreview(2, 0.2, 0.25), StonePreview(2, 0.35, 0.4), StonePreview(1, 0.3, 0.35)

@@ -1,4 +1,4 @@
-"""Reward, replay, parameters; the actor in torch against the one in numpy, critics against the reward's form."""
+"""Reward, replay; the actor in torch against the one in numpy."""
 
 from dataclasses import replace
 
@@ -9,9 +9,8 @@ from rl_cbf_clf_controller.policy import ActorPolicy
 from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.uncertainty import PAPER, RL_CBF_CLF_QP, RL_CLF_QP
 from rl_cbf_clf_controller.weights import decode
-from rl_trainer.ddpg import RewardCritic
 from rl_trainer.parameters import TrainingParameters
-from rl_trainer.replay import Replay, as_batch
+from rl_trainer.replay import Replay
 from rl_trainer.reward import reward_terms
 from rl_trainer.training import Trainer
 from tiny_world import random_transition, true_errors
@@ -77,15 +76,3 @@ def test_actor_in_torch_and_in_numpy(problem: Problem, structured: bool, observe
             alpha, beta = trainer.learner.acting(inputs, torch.tensor(LgV[None], dtype=torch.float32))
         np.testing.assert_allclose(estimates.alpha, alpha[0], rtol=1e-3, atol=1e-3)
         np.testing.assert_allclose(estimates.beta, beta[0], rtol=1e-3, atol=1e-2)
-
-
-def test_reward_critic_peaks_at_its_target() -> None:
-    """What it is in mu, where that is an affine function: `test_learning_learners.py`."""
-    parameters, rng = TrainingParameters(), np.random.default_rng(1)
-    batch = as_batch([random_transition(parameters.problem, rng) for _ in range(6)], parameters)
-    critic, alpha = RewardCritic(parameters), torch.zeros(6, 5, 4)
-    seen = critic.see(batch)
-    best = critic.target(batch, seen, batch.mu) * batch.unit
-    assert critic(batch, seen, batch.mu, alpha, best).abs().max() < 1e-6
-    off = critic(batch, seen, batch.mu, alpha, best + 2 * batch.unit)
-    assert torch.allclose(off, torch.tensor(-4.0), rtol=1e-3)
