@@ -14,22 +14,18 @@ from scipy.special import expit
 STEPS = 20_000
 
 
-def drawn(seed: int, strength: float = 1.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def drawn(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Features, misses and the true probabilities of a logistic world with two features that matter."""
     rng = np.random.default_rng(seed)
     rows = rng.standard_normal((STEPS, len(FEATURES)))
     rows[:, 3] = 0.35  # one that never changes
-    p = expit(-3.5 + strength * (1.0 * rows[:, 0] - 0.7 * rows[:, 4]))
+    p = expit(-3.5 + rows[:, 0] - 0.7 * rows[:, 4])
     return rows, (rng.random(STEPS) < p).astype(float), p
-
-
-def fitted(seed: int, strength: float = 1.0) -> MissProbability:
-    return MissProbability.fitted(*drawn(seed, strength)[:2], "a logistic world")
 
 
 def test_the_true_probabilities_are_found() -> None:
     rows, missed, p = drawn(2)
-    found = fitted(1).at(rows)
+    found = MissProbability.fitted(*drawn(1)[:2], "a logistic world").at(rows)
     assert np.corrcoef(np.log(found), np.log(p))[0, 1] > 0.95
     assert np.mean(np.abs(found - p)) < 0.01
     judgement = judged(found, missed)

@@ -11,7 +11,6 @@ from rabbit_recording.commands.bag import app
 from rabbit_recording.explaining import explain_tick
 from rabbit_recording.reader import last_episode
 from recorded_walk import DRAWS
-from rl_cbf_clf_controller.explanation import Row
 from typer.testing import CliRunner, Result
 
 WriteBag = Callable[..., Path]
@@ -22,25 +21,23 @@ def rabbit(*words: object) -> Result:
     return CliRunner().invoke(app, ["explain", *map(str, words)])
 
 
-def check_rows(bag: Path, tick: int, rows: tuple[Row, ...]) -> None:
-    """Rows as recorded: names, slacks, multipliers, and margins to the bounds that are told, but for the slack."""
-    output = last_episode(bag).records[tick].output
-    assert tuple(row.name for row in rows) == output.rows
-    np.testing.assert_array_equal([row.slack for row in rows], output.slacks)
-    np.testing.assert_array_equal([row.multiplier for row in rows], output.multipliers)
-    margins = np.array([min(row.value - row.lower, row.upper - row.value) for row in rows])
-    met = output.slacks == 0
-    sizes = 1 + np.abs([row.value for row in rows])
-    np.testing.assert_allclose((margins / sizes)[met], (output.margins / sizes)[met], atol=1e-9)
-    np.testing.assert_allclose([row.gives_way for row in rows], np.where(met, 0, -margins), atol=1e-9 * sizes.max())
-
-
 @pytest.mark.parametrize("tick", [0, 30, 60])
 def test_the_rows_are_those_that_were_recorded(tmp_path: Path, write_bag: WriteBag, tick: int) -> None:
+    """Names, slacks, multipliers, margins to the bounds that are told, but for the slack; and the model's values."""
     told = explain_tick(bag := write_bag(tmp_path / "bag"), tick)
-    check_rows(bag, tick, told.explanation.rows)
+    output, explained = last_episode(bag).records[tick].output, told.explanation.rows
     assert (told.changed == ["it is the first"]) == (tick == 0)
-    output, rows = last_episode(bag).records[tick].output, {row.name: row for row in told.explanation.rows}
+    assert tuple(row.name for row in explained) == output.rows
+    np.testing.assert_array_equal([row.slack for row in explained], output.slacks)
+    np.testing.assert_array_equal([row.multiplier for row in explained], output.multipliers)
+    margins = np.array([min(row.value - row.lower, row.upper - row.value) for row in explained])
+    met = output.slacks == 0
+    sizes = 1 + np.abs([row.value for row in explained])
+    np.testing.assert_allclose((margins / sizes)[met], (output.margins / sizes)[met], atol=1e-9)
+    np.testing.assert_allclose(
+        [row.gives_way for row in explained], np.where(met, 0, -margins), atol=1e-9 * sizes.max()
+    )
+    rows = {row.name: row for row in explained}
     nominal = dict(zip(output.quantities, output.nominal_a @ output.mu_qp + output.nominal_b, strict=True))
     for row, quantity in (("CLF", "V"), ("B1", "B1"), ("B2", "B2"), ("C1", "C1")):
         assert rows[row].nominal == pytest.approx(nominal[quantity], rel=1e-9)

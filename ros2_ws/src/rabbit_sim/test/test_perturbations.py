@@ -245,16 +245,6 @@ def test_an_encoder_with_a_gain_measures_the_rate_of_its_own_angle() -> None:
 GAIT = load_gait("authors_035")
 
 
-def forces(seed, ticks, **changes):
-    """In each tick, N, each held over its substeps."""
-    wind, memory = Wind(**changes), Memory(rng=np.random.default_rng(seed), parameters=SimulationParameters())
-    wind.begin(memory)
-    found = np.array([wind.force(memory, tick) for tick in range(ticks)])
-    assert found.shape == (ticks, SUBSTEPS)
-    assert (found == found[:, :1]).all()
-    return found[:, 0]
-
-
 @pytest.mark.parametrize("plant", ["pybullet", "mujoco"])
 @pytest.mark.parametrize("wind", [40.0, -15.0])
 def test_wind_gives_a_falling_robot_its_impulse(plant, wind):
@@ -273,7 +263,15 @@ def test_wind_gives_a_falling_robot_its_impulse(plant, wind):
 
 def test_gusts_have_their_spread_and_their_time_constant():
     """Mean, standard deviation and the correlation exp(-t / T) of a Gauss-Markov process from its first tick on."""
-    many = np.array([forces(seed, 60, wind=20.0, gusts=8.0, gust_seconds=0.2) for seed in range(800)])
+    many = np.zeros((800, 60))
+    for seed, found in enumerate(many):
+        wind = Wind(wind=20.0, gusts=8.0, gust_seconds=0.2)
+        memory = Memory(rng=np.random.default_rng(seed), parameters=SimulationParameters())
+        wind.begin(memory)
+        forces = np.array([wind.force(memory, tick) for tick in range(60)])
+        assert forces.shape == (60, SUBSTEPS)
+        assert (forces == forces[:, :1]).all()  # each held over its substeps
+        found[:] = forces[:, 0]
     np.testing.assert_allclose(many.mean(axis=0), 20.0, atol=5 * 8 / np.sqrt(800))
     np.testing.assert_allclose(many.std(axis=0), 8.0, rtol=0.13)
     for lag in (1, 20, 50):

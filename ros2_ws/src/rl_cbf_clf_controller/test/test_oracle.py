@@ -105,14 +105,6 @@ CONE = np.array([[-1.0, 0.0], [-0.6, 1.0], [-0.6, -1.0]])  # C1 and both cone ro
 built = cache(make_controller)
 
 
-def robust_with(**gains):
-    """The robust controller, with other gains, which are inputs of its tick."""
-    robust = built(controller="robust-cbf-clf-qp")
-    robust.parameters = load_parameters("ours", controller="robust-cbf-clf-qp", **gains)
-    robust.reset(0)
-    return robust
-
-
 def violations(controller, scene, mu, estimates=NONE):
     """By how much each row but saturation is exceeded at `mu` without slack, over its norm; shape (cases, 6)."""
     data = controller.qp.programme(scene.x, scene.p, estimates)
@@ -130,22 +122,19 @@ def corner_function():
     return NumpyFunction.of("corners", {"x": w.system.x, "p": w.system.p}, found)
 
 
-def corners(scene, mu):
-    """The errors (2, 5) at `mu`."""
-    found = corner_function()(scene.x, scene.p)
-    return np.array([found.low_a @ mu + found.low_b, found.high_a @ mu + found.high_b])
-
-
 @settings(max_examples=60, deadline=None)
 @given(state=STATES, mu=INPUTS, where=st.floats(0, 1), low=st.floats(0.3, 1), width=st.floats(0, 3))
 def test_the_corners_of_a_scale_range_bound_every_robot_in_it(state, mu, where, low, width):
     """They are the models at its ends; no row's expression is above the larger corner's; kept rows imply true ones."""
-    robust = robust_with(robust_scale_min=low, robust_scale_max=low + width)
+    robust, gains = built(controller="robust-cbf-clf-qp"), {"robust_scale_min": low, "robust_scale_max": low + width}
+    robust.parameters = load_parameters("ours", controller="robust-cbf-clf-qp", **gains)  # inputs of its tick
+    robust.reset(0)
     scene = robust.look(state_of(*state))
     at_low, true, at_high = (
         OraclePolicy(TruePlant(scaled(URDF, low + share * width))).estimate(scene, NONE) for share in (0, where, 1)
     )
-    found = corners(scene, mu)
+    of = corner_function()(scene.x, scene.p)
+    found = np.array([of.low_a @ mu + of.low_b, of.high_a @ mu + of.high_b])
     for corner, end in zip(found, (at_low.error(mu), at_high.error(mu)), strict=True):
         assert corner == pytest.approx(end, rel=1e-6, abs=1e-6 * (1 + np.abs(end).max()))
     rounding = 1e-7 * (1 + np.abs(found).max())
