@@ -1,4 +1,4 @@
-"""The zero dynamics against mechanics, and CasADi's robot against pinocchio's."""
+"""The zero dynamics against mechanics (more: `test_planar_gait.py`), and CasADi's robot against pinocchio's."""
 
 import numpy as np
 import pinocchio as pin
@@ -7,7 +7,6 @@ from rabbit_description.gait import GaitLibrary, load_gait, load_gaits
 from rabbit_description.state import Array
 from rabbit_gait_design import symbolic_robot
 from rabbit_gait_design.orbit import Orbit
-from rabbit_gait_design.path_outputs import VirtualConstraints
 from rabbit_gait_design.zero_dynamics import ZeroDynamics, nominal_model
 
 GAIT = load_gait("stones_0350_070")
@@ -17,17 +16,6 @@ POINTS = [(0.0, 1.7), (0.3, 2.4), (0.7, 2.0), (1.0, 3.0)]
 @pytest.fixture(scope="module")
 def dynamics() -> ZeroDynamics:
     return ZeroDynamics(GAIT)
-
-
-@pytest.mark.parametrize(("phase", "rate"), POINTS)
-def test_outputs_are_zero_and_the_stance_foot_rests(dynamics: ZeroDynamics, phase: float, rate: float) -> None:
-    instant = dynamics.at(phase, rate)
-    outputs = VirtualConstraints(GAIT).evaluate(instant.q, instant.dq)
-    assert outputs.eta == pytest.approx(np.zeros(8), abs=1e-12)
-    assert (outputs.phase, outputs.phase_rate) == pytest.approx((phase, rate), abs=1e-12)
-    feet = dynamics.model.update(instant.q, instant.dq)
-    assert instant.q[:2] == pytest.approx(feet.hip, abs=1e-12)
-    assert instant.dq[:2] == pytest.approx(feet.hip_rate, abs=1e-12)
 
 
 @pytest.mark.parametrize("slope", [0.0, 5.0, -3.0])
