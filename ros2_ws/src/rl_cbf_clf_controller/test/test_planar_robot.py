@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -10,11 +11,13 @@ import pytest
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.functions import NumpyFunction, packed
 from rabbit_description import URDF_PATH
+from rabbit_description.planar_urdf import with_planar_base
 from rabbit_description.state import ROBOT_MASS
-from rl_cbf_clf_controller.planar_robot import PinnedRobot
+from rl_cbf_clf_controller.planar_robot import PinnedRobot, Structure
 from rl_cbf_clf_controller.robot_numbers import read_robot
 
 H = 1e-6
+WALKER = Path(__file__).resolve().parents[4] / "examples" / "three_link_walker.urdf"
 peer = pytest.importorskip("rabbit_gait_design.pinocchio_model", reason="no studies")
 
 
@@ -139,6 +142,19 @@ def test_both_models_agree(seed):
     assert own.mass_matrix() == pytest.approx(peer.mass_matrix(), abs=1e-12)
     for name in ("acceleration", "force"):
         assert getattr(own.pinned(), name)(u) == pytest.approx(getattr(peer.pinned(), name)(u), rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.skipif(not WALKER.is_file(), reason="the package is not in the project")
+def test_another_planar_robot_is_read_from_its_urdf():
+    """A torso with two straight legs."""
+    text = with_planar_base(WALKER.read_text())
+    assert read_robot(text).structure == Structure(parents=(0, 0), feet=(1, 2))
+    rng, (own, peer) = np.random.default_rng(0), (kind(text) for kind in MODELS)
+    q, dq, u = rng.normal(0, 0.5, 5), rng.normal(0, 2, 5), rng.normal(0, 50, 2)
+    own.update(q, dq)
+    peer.update(q, dq)
+    assert own.pinned().acceleration(u) == pytest.approx(peer.pinned().acceleration(u), rel=1e-9)
+    assert own.pinned().force(u) == pytest.approx(peer.pinned().force(u), rel=1e-9)
 
 
 @pytest.mark.parametrize(
