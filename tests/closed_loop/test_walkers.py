@@ -12,7 +12,6 @@ from cbf_clf_qp import Clf, System
 from cbf_clf_qp.functions import NumpyFunction
 from planar_robot import PlanarPlant, dynamics_of
 from rabbit_description import URDF_PATH
-from rabbit_description.planar_urdf import scaled
 from rabbit_description.state import Leg
 from rabbit_description.task import ControlTask, Impact, Limit, TaskError
 from rabbit_description.task_source import load_task
@@ -23,6 +22,7 @@ from rl_cbf_clf_controller.planar_walker import read_walker
 from rl_cbf_clf_controller.task_controller import TaskController
 from rl_trainer.task_episode import ride_of
 from rl_trainer.task_training import transitions_of
+from walking_states import scaled
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 GRAVITY, BOUNCE = 9.81, 0.8

@@ -11,7 +11,7 @@ from rabbit_bringup.launching.walk import WalkOptions, WalkSettings
 from rabbit_bringup.ros.walk_monitor import walk_through
 from rabbit_experiments.assembly import resolve_policy
 from rabbit_recording.checking import check_episodes
-from rabbit_recording.reader import read_episodes
+from recorded_walk import read_episodes
 from typer.testing import CliRunner
 
 EXAMPLES = max(settings.default.max_examples // 50, 1)

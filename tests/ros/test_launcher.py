@@ -18,7 +18,8 @@ import yaml
 from rabbit_command import RABBIT, rabbit
 from rabbit_common.exit_codes import ExitCode
 from rabbit_msgs.srv import ResetEpisode
-from rabbit_recording.reader import iterate_episodes, messages, read_episodes
+from rabbit_recording.reader import iterate_episodes, messages
+from recorded_walk import read_episodes
 from rl_cbf_clf_controller.weights import decode, policy_path
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.training import Trainer

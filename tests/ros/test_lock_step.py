@@ -9,8 +9,9 @@ import pytest
 from rabbit_bringup.launching.walk import WalkOptions, WalkSettings
 from rabbit_bringup.ros.walk_monitor import walk_through
 from rabbit_experiments.assembly import Assembly
-from rabbit_recording.reader import RecordedEpisode, messages, read_episodes
+from rabbit_recording.reader import RecordedEpisode, messages
 from rabbit_sim.parameters import SimulationParameters
+from recorded_walk import read_episodes
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_trainer.rollout import Record
 from rosbags.highlevel import AnyReader

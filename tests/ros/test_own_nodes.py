@@ -20,7 +20,7 @@ from rabbit_common.exit_codes import ExitCode
 from rabbit_description.force_ratio import force_ratio
 from rabbit_description.state import ACTUATED
 from rabbit_recording.contents import contents
-from rabbit_recording.reader import read_episodes
+from recorded_walk import read_episodes
 from rl_cbf_clf_controller.ros.robot_controller import yaw_of
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray

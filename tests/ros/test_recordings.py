@@ -13,11 +13,12 @@ from rabbit_bringup.ros.walk_monitor import walk_through
 from rabbit_recording.checking import check_episodes
 from rabbit_recording.episode_inventory import Presence
 from rabbit_recording.open_recording import opened
-from rabbit_recording.reader import iterate_inventories, read_episodes
+from rabbit_recording.reader import iterate_inventories
 from rabbit_recording.recover import recover
 from rabbit_recording.ros.player import play
 from rabbit_sim.parameters import SimulationParameters
 from rclpy.serialization import deserialize_message
+from recorded_walk import read_episodes
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from std_srvs.srv import SetBool
 

@@ -8,9 +8,10 @@ from typing import Annotated, Any
 
 import typer
 from pydantic import Field
-from rabbit_bringup.commands.walk import DEFAULTS, assembly_of_nodes
+from rabbit_bringup.commands.walk import DEFAULTS
 from rabbit_common.options import Given, options, tell_if_bare
 from rabbit_common.own_folder import new_folder
+from rabbit_experiments.commands.evaluate import given_assembly
 from rabbit_experiments.conditions import TuningOptions
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
@@ -43,7 +44,7 @@ def jitter(given: Given, context: typer.Context) -> None:
     tell_if_bare(
         context, f"A walk of {request.minutes:g} minutes in real time. To begin:", "rabbit jitter --minutes 10"
     )
-    assembly = assembly_of_nodes(given, request.policy, request.parameters)
+    assembly = given_assembly(given, request.policy, request.parameters, oracle=False)
     folder = new_folder(request.out or Path("runs") / f"{datetime.now():%Y%m%d-%H%M%S}-jitter")
     from rabbit_recording import RecordingError
 

@@ -6,9 +6,10 @@ from typing import Any
 
 import typer
 from pydantic import Field
-from rabbit_bringup.commands.walk import assembly_of_nodes, given_training, make_folder
+from rabbit_bringup.commands.walk import given_training, make_folder
 from rabbit_bringup.launching.walk import MOST_EPISODES, WalkOptions, WalkSettings
 from rabbit_common.options import Defaults, Given, complaints, fail, options, tell_if_bare
+from rabbit_experiments.commands.evaluate import given_assembly
 from rabbit_experiments.conditions import EVALUATION_LAG, TuningOptions
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
@@ -53,7 +54,7 @@ def soak(given: Given, context: typer.Context) -> None:
     tell_if_bare(
         context, f"A walk of {asked.minutes:g} minutes by the wall clock. To begin:", "rabbit soak --minutes 60"
     )
-    assembly = assembly_of_nodes(given, "zero", asked.parameters)
+    assembly = given_assembly(given, "zero", asked.parameters, oracle=False)
     if not assembly.controller.learns:
         fail(f"--controller {assembly.controller.controller}: expected one that learns; its policies are swapped")
     from rabbit_campaigns.soak_operations import idle_policy

@@ -58,11 +58,6 @@ def read_text(path: Path, most: int) -> str:
         raise FileError(f"no UTF-8 text: byte {error.start}") from error
 
 
-def read_json(path: Path, most: int) -> Any:
-    """The same as JSON; raises as `parse_json`."""
-    return parse_json(read_text(path, most))
-
-
 def parse_json(text: str) -> Any:
     """Plain data; raises `FileError` for what is no JSON or nested too deep."""
     try:

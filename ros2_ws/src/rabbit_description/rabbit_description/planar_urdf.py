@@ -42,13 +42,6 @@ def with_planar_base(urdf: str) -> str:
     return ElementTree.tostring(robot, encoding="unicode")
 
 
-def scaled(urdf: str, factor: float) -> str:
-    """The robot with every mass and inertia times `factor`; raises `UrdfError`, see `_parsed`."""
-    robot = _parsed(urdf)
-    scale_inertials(robot, factor)
-    return ElementTree.tostring(robot, encoding="unicode")
-
-
 def scale_inertials(robot: Element, factor: float) -> None:
     """Multiply every mass and inertia in place."""
     for tag, names in (("mass", ("value",)), ("inertia", INERTIA)):

@@ -35,12 +35,6 @@ _pyyaml = yaml.resolver.Resolver()
 _Parser = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # ten times as fast
 
 
-def yaml_path(name_or_path: str | Path, folder: Path) -> Path:
-    """A path with a suffix as it is; anything else is the name of a file in `folder`."""
-    path = Path(name_or_path)
-    return path if path.suffix else folder / f"{name_or_path}.yaml"
-
-
 def read_yaml(path: Path) -> Any:
     """What the file holds: None, text, numbers, lists, and mappings whose keys are text.
 

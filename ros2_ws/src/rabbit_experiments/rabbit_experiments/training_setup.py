@@ -12,7 +12,7 @@ from rl_cbf_clf_controller.policy import Policy, ZeroPolicy
 from rl_trainer.checkpoint import CHECKPOINT, Checkpoint, CheckpointError
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.session import resume
-from rl_trainer.training import EpisodeReport, LearnerType, Provenance, Trainer, make_learner
+from rl_trainer.training import EpisodeReport, Provenance, Trainer
 
 from rabbit_experiments import provenance
 from rabbit_experiments.assembly import make_simulation
@@ -25,13 +25,11 @@ def training(
     controller: ControllerParameters,
     plant: SimulationParameters,
     command: str | None = None,
-    learner: LearnerType | None = None,
 ) -> Iterator[tuple[Trainer, Iterator[EpisodeReport]]]:
     """A trainer, and the reports of the episodes that are left.
 
     It begins, or goes on with the training in `folder` if plant, gait and code are those that this one began with.
-    `command` goes into the policy files; by default it is this process's. `learner` replaces the one that the
-    parameters name.
+    `command` goes into the policy files; by default it is this process's.
 
     Raises `GaitError`, `CourseError`, `CheckpointError`.
     """
@@ -49,7 +47,7 @@ def training(
 
     simulation = make_simulation(plant, gait)
     try:
-        trainer = Trainer(parameters, source, learner and make_learner(parameters, learner))
+        trainer = Trainer(parameters, source)
         yield trainer, resume(Checkpoint(folder, trainer), simulation, with_policy)
     finally:
         simulation.close()

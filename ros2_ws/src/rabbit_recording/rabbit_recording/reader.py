@@ -71,11 +71,6 @@ def messages(path: Path, *names: str) -> Iterator[tuple[str, Any]]:
             yield message.topic, message.decode()
 
 
-def read_episodes(path: Path) -> dict[int, RecordedEpisode]:
-    """All episodes that `iterate_episodes` gives, by number."""
-    return {episode.number: episode for episode in iterate_episodes(path)}
-
-
 def iterate_episodes(path: Path, task: ControlTask | None = None) -> Iterator[RecordedEpisode]:
     """One episode after another, the lost ones too; a long recording needs the memory of a few of them.
 

@@ -15,6 +15,7 @@ from rabbit_common.task_messages import measured_fields
 from rabbit_description.gait import load_gait
 from rabbit_description.state import LAYOUT, TICK_SECONDS
 from rabbit_recording.bag_writer import BagWriter, graph_types, offered
+from rabbit_recording.reader import RecordedEpisode, iterate_episodes
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Landing, Simulation
 from rl_cbf_clf_controller.controller import Controller
@@ -144,3 +145,8 @@ def state_message(state: Any) -> Any:
         contact=np.array(state.contact, dtype=bool),
         previewed=state.preview is not None,
     )
+
+
+def read_episodes(path: Path) -> dict[int, RecordedEpisode]:
+    """All episodes of a recording, by number."""
+    return {episode.number: episode for episode in iterate_episodes(path)}

@@ -11,8 +11,7 @@ import pytest
 from rabbit_recording.checking import check_episodes
 from rabbit_recording.commands.bag import app
 from rabbit_recording.contents import contents
-from rabbit_recording.reader import read_episodes
-from recorded_walk import SEED, TICK_NS, Walk
+from recorded_walk import SEED, TICK_NS, Walk, read_episodes
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from typer.testing import CliRunner, Result
 

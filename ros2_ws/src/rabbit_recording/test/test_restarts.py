@@ -14,8 +14,7 @@ from rabbit_recording.active_settings import Policies, Settings
 from rabbit_recording.checking import check_episodes, replayed
 from rabbit_recording.commands.bag import app
 from rabbit_recording.message_header import SimulatedTime
-from rabbit_recording.reader import read_episodes
-from recorded_walk import CONTROLLER, DRAWS, TICK_NS, TYPES, Walk, message, state_message, told, write
+from recorded_walk import CONTROLLER, DRAWS, TICK_NS, TYPES, Walk, message, read_episodes, state_message, told, write
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from typer.testing import CliRunner
 

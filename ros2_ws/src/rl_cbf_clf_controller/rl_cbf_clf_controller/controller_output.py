@@ -40,7 +40,7 @@ class ControllerOutput:
     (`margins`), its slack, as `decided.slack`, and its multiplier; `active` names those that hold with equality;
     `answered` is False where the guard solver had to answer, or none could; `fault` is empty, or why the episode must
     end; `objective`, `adaptation` name what was minimised and adapted; `identified` (18,) is the robot as in
-    `identified_robot.KNOWN`, `adapted` (5n + 20,) its part of the estimates, as in `flat`; both (0,) without
+    `identified_robot.KNOWN`, `adapted` (5n + 20,) its part of the estimates, as in `from_flat`; both (0,) without
     adaptation.
     """
 
@@ -109,14 +109,11 @@ def seen_fields(scene: Scene) -> dict[str, Any]:
     }
 
 
-def flat(estimates: Estimates) -> Array:
-    """The paper's order (alpha_V, alpha_B1, ..., beta_V, beta_B1, ...), then the output error where it is known."""
-    known = [] if estimates.output_error is None else [estimates.output_error.ravel()]
-    return np.concatenate([estimates.alpha.ravel(), estimates.beta, *known])
-
-
 def from_flat(values: Array, n: int, m: int) -> Estimates:
-    """The estimates of n quantities over m inputs, from what `flat` gives; raises ValueError for another length."""
+    """The estimates of n quantities over m inputs; raises ValueError for a wrong number of values.
+
+    In the paper's order (alpha_V, alpha_B1, ..., beta_V, beta_B1, ...), then the output error where it is known.
+    """
     sizes = n * (m + 1), (n + m) * (m + 1)
     if values.shape not in ((sizes[0],), (sizes[1],)):
         raise ValueError(f"estimates: {values.shape} values; expected {sizes[0]}, or {sizes[1]} with an output error")

@@ -151,9 +151,10 @@ def load_parameters(name_or_path: str | Path, terrain: str | None = None, /, **c
     Raises:
         ParameterError: no such file, not YAML, an unknown parameter or a value out of its range.
     """
-    from rabbit_description.yaml_file import read_mapping, shortened, yaml_path  # not for --help
+    from rabbit_description.yaml_file import read_mapping, shortened  # not for --help
 
-    path, shipped = yaml_path(name_or_path, CONFIG), sorted(path.stem for path in CONFIG.glob("*.yaml"))
+    path, shipped = Path(name_or_path), sorted(path.stem for path in CONFIG.glob("*.yaml"))
+    path = path if path.suffix else CONFIG / f"{name_or_path}.yaml"
     if path.parent == CONFIG and path.stem not in shipped:
         raise ParameterError(f"parameters {name_or_path}: expected {one_of(name_or_path, shipped)}, or a YAML file")
     try:

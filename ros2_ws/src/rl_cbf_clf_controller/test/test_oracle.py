@@ -13,13 +13,12 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from rabbit_description import URDF_PATH
 from rabbit_description.gait import load_gait
-from rabbit_description.planar_urdf import scaled
 from rl_cbf_clf_controller.kinds import find_kind
 from rl_cbf_clf_controller.oracle import OraclePolicy, TruePlant
 from rl_cbf_clf_controller.parameters import load_parameters
 from rl_cbf_clf_controller.walking import Walking
 from rl_cbf_clf_controller.worst_case import worst_cases
-from walking_states import make_controller, state_of
+from walking_states import make_controller, scaled, state_of
 
 PinocchioModel = pytest.importorskip("rabbit_gait_design.pinocchio_model", reason="no studies").PinocchioModel
 VirtualConstraints = pytest.importorskip("rabbit_gait_design.path_outputs", reason="no studies").VirtualConstraints

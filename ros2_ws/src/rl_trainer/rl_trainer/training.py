@@ -10,7 +10,6 @@ while the robot walks on may call `learn` in between.
 
 import threading
 import time
-from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from inspect import isabstract
 from typing import Any
@@ -36,7 +35,6 @@ FORM = (  # of a policy file, that a training must share to go on from it
     *("problem", "names", "m", "observation", "observation_center", "observation_scale"),
     *("hidden", "structured", "alpha_scale", "beta_scale", "trained_tick"),
 )
-LearnerType = Callable[[TrainingParameters], Learner]
 
 
 class Stopped(Exception):
@@ -279,13 +277,13 @@ class Trainer:
         )
 
 
-def make_learner(parameters: TrainingParameters, kind: LearnerType | None = None) -> Learner:
-    """The learner that the parameters name, or of this kind; its first weights from the seed alone.
+def make_learner(parameters: TrainingParameters) -> Learner:
+    """The learner that the parameters name; its first weights from the seed alone.
 
     Raises `PluginError`: a package brings something else under that name.
     """
     torch.set_num_threads(1)
-    kind = kind or load(LEARNERS, parameters.learner)
+    kind = load(LEARNERS, parameters.learner)
     expected = f"{LEARNERS} {parameters.learner}: expected a `Learner`"
     if isabstract(kind):
         raise PluginError(f"{expected} that can be made, with an `update`, found {kind!r}")

@@ -160,6 +160,7 @@ class WithoutActor(Learner):
 @pytest.mark.parametrize(
     ("kind", "said"), [(repr, "expected a `Learner`"), (Learner, "with an `update`"), (WithoutActor, "`acting`")]
 )
-def test_what_is_no_learner_is_refused_by_name(kind: Any, said: str) -> None:
+def test_what_is_no_learner_is_refused_by_name(kind: Any, said: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rl_trainer.training.load", lambda group, name: kind)
     with pytest.raises(PluginError, match=f"rabbit.learners ddpg: .*{said}"):
-        make_learner(TrainingParameters(), kind)
+        make_learner(TrainingParameters())

@@ -47,7 +47,7 @@ def prepare(given: Given) -> WalkSettings:
         return walk_of_task(options, given)
     if options.is_foreign:
         options, given = with_foreign_controller(options, given)
-    assembly = assembly_of_nodes(given, options.policy, options.parameters)
+    assembly = given_assembly(given, options.policy, options.parameters, oracle=False)  # no node sees the true plant
     training = given_training(options, assembly.controller, assembly.policy) if options.trainer else {}
     walk = WalkSettings.of(assembly, make_folder(options), options, training=training)
     if not options.is_foreign:
@@ -104,11 +104,6 @@ def with_foreign_controller(options: WalkOptions, given: Given) -> tuple[WalkOpt
             find_executable(package, executable)
     ours = "clf-qp" if given.values.get("terrain") == "flat" else "cbf-clf-qp"
     return options.model_copy(update={"trainer": False}), Given({**given.values, "controller": ours}, given.defaults)
-
-
-def assembly_of_nodes(given: Given, policy: str | None, parameters: str) -> Any:
-    """The same as `given_assembly`, but without the oracle: the nodes never see the true plant."""
-    return given_assembly(given, policy, parameters, oracle=False)
 
 
 def given_training(request: WalkOptions, controller: ControllerParameters, policy: str) -> dict[str, Any]:
