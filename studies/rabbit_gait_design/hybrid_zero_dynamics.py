@@ -15,8 +15,7 @@ from functools import cached_property
 import numpy as np
 from cbf_clf_qp.functions import NumpyFunction
 from rabbit_description.state import Array
-from rl_cbf_clf_controller.step_paths import StepPath
-from rl_cbf_clf_controller.virtual_constraints import Angles
+from rl_cbf_clf_controller.virtual_constraints import Angles, StepPath
 
 from rabbit_gait_design.path_outputs import output_functions
 from rabbit_gait_design.pinocchio_model import PinocchioModel

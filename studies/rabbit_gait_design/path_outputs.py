@@ -7,12 +7,13 @@ import numpy as np
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.functions import NumpyFunction, packed
 from cbf_clf_qp.system import System
+from rabbit_description.gait import Gait
 from rabbit_description.state import Array
 from rl_cbf_clf_controller.virtual_constraints import (
     RABBIT_ANGLES,
     Angles,
     OutputExpressions,
-    Path,
+    StepPath,
     desired,
     path_row,
     path_scale,
@@ -52,7 +53,7 @@ class VirtualConstraints:
     """
 
     def __init__(
-        self, path: Path, angles: Angles = RABBIT_ANGLES, functions: tuple[NumpyFunction, ...] | None = None
+        self, path: StepPath | Gait, angles: Angles = RABBIT_ANGLES, functions: tuple[NumpyFunction, ...] | None = None
     ) -> None:
         self._outputs, self._phase, self._desired = functions or output_functions(angles)
         self.row, self.scale = path_row(path), path_scale(path)

@@ -17,8 +17,8 @@ import casadi as ca
 import numpy as np
 from rabbit_description.state import Array
 from rl_cbf_clf_controller.planar_walker import StonesFile
-from rl_cbf_clf_controller.step_paths import StepPath
 from rl_cbf_clf_controller.stone_barriers import stone_barriers
+from rl_cbf_clf_controller.virtual_constraints import StepPath
 from scipy.optimize import minimize
 
 from rabbit_gait_design.hybrid_zero_dynamics import RepeatedStep, Walker, impact_invariant

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 from rabbit_description.planar_urdf import BASE, SLIDES
 from rabbit_description.state import Array
-from rl_cbf_clf_controller.step_paths import StepPath
+from rl_cbf_clf_controller.virtual_constraints import StepPath
 from scipy.optimize import least_squares
 
 from rabbit_gait_design.hybrid_zero_dynamics import Walker

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from cbf_clf_qp.functions import NumpyFunction
+from rabbit_description.gait import Gait
 from rabbit_description.state import Array
-from rl_cbf_clf_controller.virtual_constraints import RABBIT_ANGLES, Angles, Path
+from rl_cbf_clf_controller.virtual_constraints import RABBIT_ANGLES, Angles, StepPath
 from scipy.integrate import solve_ivp
 
 from rabbit_gait_design.path_outputs import VirtualConstraints
@@ -48,7 +49,7 @@ class ZeroDynamics:
 
     def __init__(
         self,
-        gait: Path,
+        gait: StepPath | Gait,
         model: PinocchioModel | None = None,
         angles: Angles = RABBIT_ANGLES,
         functions: tuple[NumpyFunction, ...] | None = None,

@@ -11,7 +11,8 @@ from rabbit_experiments.assembly import AssemblyError
 from rabbit_gait_design.speed_model.fit import errors, fitted, without_mean
 from rabbit_gait_design.speed_model.walks import Steps, exploring_walks
 from rl_cbf_clf_controller.parameters import load_parameters
-from rl_cbf_clf_controller.step_paths import GaitExpressions, Shape, StepPath, gait_row
+from rl_cbf_clf_controller.step_paths import GaitExpressions, Shape, gait_row
+from rl_cbf_clf_controller.virtual_constraints import StepPath
 
 LIBRARY = load_gaits("wide")
 assert isinstance(LIBRARY, GaitLibrary)

@@ -13,9 +13,8 @@ from rabbit_gait_design.pinocchio_model import PinocchioModel
 from rabbit_gait_design.planar_design import PlanarDesignError, PlanarSpecification, design
 from rabbit_gait_design.walker_guess import double_support, guesses
 from rl_cbf_clf_controller.planar_walker import read_walker
-from rl_cbf_clf_controller.step_paths import StepPath
 from rl_cbf_clf_controller.task_controller import TaskController
-from rl_cbf_clf_controller.virtual_constraints import Angles
+from rl_cbf_clf_controller.virtual_constraints import Angles, StepPath
 from rl_trainer.task_episode import ride_of
 from scipy.integrate import solve_ivp
 from typer.testing import CliRunner

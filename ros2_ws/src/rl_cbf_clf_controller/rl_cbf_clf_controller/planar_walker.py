@@ -33,9 +33,8 @@ from rabbit_description.yaml_file import MOST_BYTES, read_mapping
 from rl_cbf_clf_controller.contact_force import force_rows
 from rl_cbf_clf_controller.planar_robot import PinnedRobot, rotated
 from rl_cbf_clf_controller.robot_numbers import read_robot
-from rl_cbf_clf_controller.step_paths import StepPath
 from rl_cbf_clf_controller.stone_barriers import stone_barriers
-from rl_cbf_clf_controller.virtual_constraints import POWERS, Angles, OutputExpressions, path_row, path_scale
+from rl_cbf_clf_controller.virtual_constraints import POWERS, Angles, OutputExpressions, StepPath, path_row, path_scale
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]

@@ -26,17 +26,8 @@ TO_COORDINATES = ca.inv(ca.vertcat(CONTROLLED, PHASE_ANGLE)[:, SLIDES:])
 
 
 @dataclass(frozen=True)
-class StepPath:
-    """A path of the controlled angles: `coeffs` (m, k) over the phase, rad, and the phase angles at its ends, rad."""
-
-    coeffs: Array
-    phase_angle_start: float
-    phase_angle_end: float
-
-
-@dataclass(frozen=True)
 class PathExpressions:
-    """The same as expressions."""
+    """A `StepPath` as expressions."""
 
     coeffs: ca.SX
     start: ca.SX

@@ -16,10 +16,10 @@ it y'' and the error of every estimate. `step_begin.py` has what the correction 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import comb
-from typing import Protocol
 
 import casadi as ca
 import numpy as np
+from rabbit_description.gait import Gait
 from rabbit_description.planar_urdf import BASE
 from rabbit_description.state import DOF, Array
 
@@ -44,17 +44,13 @@ class Angles:
 RABBIT_ANGLES = Angles(np.eye(DOF)[BASE:], np.array([0.0, 0.0, 1.0, 1.0, 0.5, 0.0, 0.0]))
 
 
-class Path(Protocol):
-    """Desired controlled angles over the phase, as a gait has them: `coeffs` (m, k), rad, and the phase angles, rad."""
+@dataclass(frozen=True)
+class StepPath:
+    """A path of the controlled angles: `coeffs` (m, k) over the phase, rad, and the phase angles at its ends, rad."""
 
-    @property
-    def coeffs(self) -> Array: ...
-
-    @property
-    def phase_angle_start(self) -> float: ...
-
-    @property
-    def phase_angle_end(self) -> float: ...
+    coeffs: Array
+    phase_angle_start: float
+    phase_angle_end: float
 
 
 class OutputExpressions:
@@ -97,14 +93,14 @@ def path_symbols(outputs: int) -> dict[str, ca.SX]:
     return {name: ca.SX.sym(name, *shape) for name, shape in shapes.items()}
 
 
-def path_row(path: Path) -> Array:
+def path_row(path: StepPath | Gait) -> Array:
     """The numbers of a path, with no correction and no descent, in the order of `path_symbols`."""
     m, points = path.coeffs.shape
     powers = np.pad(path.coeffs @ power_matrix(points), ((0, 0), (0, POWERS - points)))
     return np.concatenate([powers.ravel(), np.zeros(m * CORRECTION_POWERS), [0.0, 1.0], np.zeros(m)])
 
 
-def path_scale(path: Path) -> Array:
+def path_scale(path: StepPath | Gait) -> Array:
     """What turns a phase angle into a phase of the path: `phase_scale` of `OutputExpressions`, (2,)."""
     span = path.phase_angle_end - path.phase_angle_start
     return np.array([1 / span, path.phase_angle_start / span])
