@@ -6,14 +6,13 @@ each into a GroupAction: launch keeps the arguments of the first otherwise.
 """
 
 from launch import LaunchDescription
-from launch.actions import OpaqueFunction
 from launch.substitutions import LaunchConfiguration as Argument
 from launch_ros.actions import Node
 from rabbit_bringup.commands.walk import DEFAULTS as WALK
 from rabbit_bringup.commands.walk import MODELS, prepare
 from rabbit_bringup.launching.processes import write_parameters
 from rabbit_bringup.launching.walk import WalkSettings
-from rabbit_bringup.ros.launch_actions import arguments, arguments_of, given_of, node, switch
+from rabbit_bringup.ros.launch_actions import arguments, arguments_of, description, given_of, node, switch
 from rabbit_common.options import Defaults
 from rabbit_sim.parameters import PlayerParameters
 
@@ -24,15 +23,9 @@ LEFT_OUT = ("simulator", "estimator")  # if somebody else is one
 
 def generate_launch_description() -> LaunchDescription:
     """Simulator and controller; estimator, trainer, recorder and viewer if wanted."""
-    words: dict[str, str] = {}
-    return LaunchDescription(
-        [
-            OpaqueFunction(function=lambda context: words.update(context.launch_configurations)),  # and no defaults
-            *arguments_of(PlayerParameters, *MODELS, defaults=DEFAULTS, but=NO_ARGUMENTS),
-            *arguments(simulator=("true", "start the simulator"), estimator=("true", "start it, if `sensors` is lab")),
-            OpaqueFunction(function=lambda _: nodes(words)),
-        ]
-    )
+    of_walk = arguments_of(PlayerParameters, *MODELS, defaults=DEFAULTS, but=NO_ARGUMENTS)
+    more = arguments(simulator=("true", "start the simulator"), estimator=("true", "start it, if `sensors` is lab"))
+    return description([*of_walk, *more], nodes)
 
 
 def nodes(words: dict[str, str]) -> list[Node]:

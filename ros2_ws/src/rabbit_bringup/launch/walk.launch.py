@@ -9,11 +9,11 @@ nodes themselves.
 import shlex
 
 from launch import Action, LaunchContext, LaunchDescription
-from launch.actions import ExecuteProcess, OpaqueFunction
+from launch.actions import ExecuteProcess
 from launch.events.process import ProcessExited
 from rabbit_bringup.commands.walk import DEFAULTS, MODELS
 from rabbit_bringup.launching.processes import PATIENCE
-from rabbit_bringup.ros.launch_actions import arguments_of, given_of, rviz
+from rabbit_bringup.ros.launch_actions import arguments_of, description, given_of, rviz
 from rabbit_common.exit_codes import ExitCode
 from rabbit_common.options import Defaults
 
@@ -23,14 +23,7 @@ LONGEST = str(4 * PATIENCE)  # s for the walk to end: it waits for three groups 
 
 def generate_launch_description() -> LaunchDescription:
     """The walk, with the options that are given."""
-    words: dict[str, str] = {}
-    return LaunchDescription(
-        [
-            OpaqueFunction(function=lambda context: words.update(context.launch_configurations)),  # and no defaults
-            *arguments_of(*MODELS, defaults=DEFAULTS),
-            OpaqueFunction(function=lambda _: walk(words)),
-        ]
-    )
+    return description(arguments_of(*MODELS, defaults=DEFAULTS), walk)
 
 
 def walk(words: dict[str, str]) -> list[Action]:

@@ -1,10 +1,12 @@
 """What the launch files share: arguments from the options of `rabbit walk`, and the action that starts a node."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
 from ament_index_python.packages import get_package_share_directory
-from launch.actions import DeclareLaunchArgument
+from launch.action import Action
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.launch_description import LaunchDescription
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from pydantic import BaseModel
@@ -20,6 +22,15 @@ OF_EVERY_NODE = {
     "log_level": ("info", "debug, info, warn, error or fatal"),
 }
 SWITCH = {"true": True, "1": True, "false": False, "0": False}
+
+
+def description(
+    declared: Sequence[DeclareLaunchArgument], launched: Callable[[dict[str, str]], Sequence[Action]]
+) -> LaunchDescription:
+    """The arguments, and what is `launched` under those of them that are given, without the defaults."""
+    words: dict[str, str] = {}
+    given = OpaqueFunction(function=lambda context: words.update(context.launch_configurations))
+    return LaunchDescription([given, *declared, OpaqueFunction(function=lambda _: launched(words))])
 
 
 def arguments(**more: tuple[str, str]) -> list[DeclareLaunchArgument]:
