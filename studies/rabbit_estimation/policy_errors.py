@@ -26,6 +26,8 @@ from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.scene import Scene
 from rl_trainer.rollout import Record
 
+from rabbit_estimation.estimation_errors import rms
+
 SETTLED = 0.05  # s after an impact, from which a tick counts
 ROUNDING = 1e-6  # what of a truth is no more than rounding, in the quantity's unit
 
@@ -107,22 +109,18 @@ def _stacked(estimates: Sequence[Estimates]) -> Array:
 def _errors(guess: Array, truth: Array, mu: Array) -> Errors:
     """The errors of one quantity; `guess` and `truth` (T, 5) are alpha and beta."""
     wrong, with_one = guess - truth, np.column_stack([mu, np.ones(len(mu))])
-    size = _rms((truth * with_one).sum(axis=1))
+    size = rms((truth * with_one).sum(axis=1))
     alpha, beta = slice(-1), slice(-1, None)
     return {
-        "error": None if size < ROUNDING else _rms((wrong * with_one).sum(axis=1)) / size,
+        "error": None if size < ROUNDING else rms((wrong * with_one).sum(axis=1)) / size,
         "alpha_r2": _r2(wrong[:, alpha], truth[:, alpha]),
         "beta_r2": _r2(wrong[:, beta], truth[:, beta]),
-        "alpha_rms": _rms(wrong[:, alpha]),
-        "beta_rms": _rms(wrong[:, beta]),
+        "alpha_rms": rms(wrong[:, alpha]),
+        "beta_rms": rms(wrong[:, beta]),
     }
 
 
 def _r2(wrong: Array, truth: Array) -> float | None:
     """Share of the truth's variation that is explained; `wrong` and `truth` (T, m)."""
-    spread = _rms(truth - truth.mean(axis=0))
-    return None if spread < ROUNDING else 1 - (_rms(wrong) / spread) ** 2
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.square(values).mean()))
+    spread = rms(truth - truth.mean(axis=0))
+    return None if spread < ROUNDING else 1 - (rms(wrong) / spread) ** 2

@@ -7,6 +7,7 @@ from rabbit_description.atomic_file import replace_text
 from rabbit_description.state import Array
 from rabbit_experiments import provenance
 from rabbit_experiments.summary import wilson
+from rabbit_experiments.tables import markdown_table
 from rabbit_viewer import style
 
 from rabbit_misses.model import MissProbability
@@ -26,6 +27,12 @@ def text(model: MissProbability, judgement: Judgement, p: Array, missed: Array, 
     """The page."""
     sure = p <= DEMANDED
     low, high = wilson(int(missed[sure].sum()), int(sure.sum())) if sure.any() else (0.0, 1.0)
+    rows = []
+    for group in judgement.bins:
+        place, rate = f"{100 * group.low:g} to {100 * group.high:g}%", f"{100 * group.misses / group.steps:.1f}%"
+        ends = f"{100 * group.interval[0]:.1f} to {100 * group.interval[1]:.1f}%"
+        holds = "yes" if group.holds else "no"
+        rows.append((place, f"{group.steps}", f"{100 * group.p:.1f}%", f"{group.misses}", rate, ends, holds))
     lines = [
         "# The probability of a miss",
         "",
@@ -33,16 +40,7 @@ def text(model: MissProbability, judgement: Judgement, p: Array, missed: Array, 
         f"Judged on {len(p)} steps with {int(missed.sum())} misses, on {plants} other plants of the storm, seed",
         f"{JUDGE_SEED}.",
         "",
-        "| p | steps | mean p | misses | rate | 95% interval | mean p in it |",
-        "|---|---|---|---|---|---|---|",
-    ]
-    for group in judgement.bins:
-        ends = f"{100 * group.interval[0]:.1f} to {100 * group.interval[1]:.1f}%"
-        rate = f"{100 * group.misses / group.steps:.1f}% | {ends} | {'yes' if group.holds else 'no'}"
-        place = f"{100 * group.low:g} to {100 * group.high:g}% | {group.steps} | {100 * group.p:.1f}%"
-        lines.append(f"| {place} | {group.misses} | {rate} |")
-    lines += [
-        "",
+        markdown_table(("p", "steps", "mean p", "misses", "rate", "95% interval", "mean p in it"), rows),
         f"Brier score {judgement.brier:.4f}, that of the mean rate {judgement.brier_of_rate:.4f}: skill "
         f"{judgement.skill:.3f}.",
         "",

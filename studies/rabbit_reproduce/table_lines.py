@@ -141,39 +141,22 @@ class Results:
 
 
 def runs_table(lines: Sequence[Line], results: Results) -> Table:
-    """A row for each line and plant."""
-    columns = (
-        *("what", "paper", "plant", "motor_lag", "policy", "seed", "runs", "walked", "low95", "high95"),
-        *(
-            "walked_with_forces",
-            "mean_stones",
-            "mean_low95",
-            "mean_high95",
-            "std_stones",
-            "max_force_ratio",
-            "rms_y",
-            "rms_dy",
-        ),
-        *(*SUMMED, "falls", "command"),
-    )
-    rows = tuple(_row(line, column, results) for line in lines for column in results.size.columns(line.columns))
-    return Table("runs", columns, rows)
+    """A row for each line and plant, of which there are some."""
+    rows = [_row(line, column, results) for line in lines for column in results.size.columns(line.columns)]
+    return Table("runs", tuple(rows[0]), [tuple(row.values()) for row in rows])
 
 
-def _row(line: Line, column: Column, results: Results) -> tuple[Cell, ...]:
+def _row(line: Line, column: Column, results: Results) -> dict[str, Cell]:
     walks, scenario = results.walks(line, column), line.scenario(results.size, column)
-    policy = scenario.assembly.make_policy().version  # a hash of its bytes
-    return (
-        *(line.what, line.paper, scenario.assembly.simulation.plant, column.lag, policy, scenario.seed, walks.runs),
-        *(
-            walks.walked,
-            *walks.interval,
-            walks.with_forces,
-            walks.mean_stones,
-            *(walks.stones_interval or (None, None)),
-        ),
-        *(walks.std_stones, walks.max_ratio, walks.rms("rms_y"), walks.rms("rms_dy")),
-        *(walks.total(name) for name in SUMMED),
-        "; ".join(f"{kind} {count}" for kind, count in sorted(walks.falls.items())),
-        evaluate_command(scenario),
-    )
+    assembly, (low, high) = scenario.assembly, walks.interval
+    mean_low, mean_high = walks.stones_interval or (None, None)
+    policy = assembly.make_policy().version  # a hash of its bytes
+    row: dict[str, Cell] = {"what": line.what, "paper": line.paper, "plant": assembly.simulation.plant}
+    row |= {"motor_lag": column.lag, "policy": policy, "seed": scenario.seed, "runs": walks.runs}
+    row |= {"walked": walks.walked, "low95": low, "high95": high, "walked_with_forces": walks.with_forces}
+    row |= {"mean_stones": walks.mean_stones, "mean_low95": mean_low, "mean_high95": mean_high}
+    row |= {"std_stones": walks.std_stones, "max_force_ratio": walks.max_ratio}
+    row |= {"rms_y": walks.rms("rms_y"), "rms_dy": walks.rms("rms_dy")}
+    row |= {name: walks.total(name) for name in SUMMED}
+    falls = "; ".join(f"{kind} {count}" for kind, count in sorted(walks.falls.items()))
+    return row | {"falls": falls, "command": evaluate_command(scenario)}
