@@ -36,7 +36,7 @@ class LegShape(NamedTuple):
         return cls(length, bend, shin, bend * length / shin if roll else bend, roll)
 
 
-def _link(angle: Any, length: Any, bend: Any, by: Any = math) -> tuple[Any, Any]:
+def link(angle: Any, length: Any, bend: Any, by: Any = math) -> tuple[Any, Any]:
     """(x, z) from a link's upper to its lower end; of arrays of all `by` numpy."""
     c, s = by.cos(angle), by.sin(angle)
     return length * (bend * c - s), -length * (bend * s + c)
@@ -48,7 +48,7 @@ def foot(x: Any, z: Any, upper: Any, knee: Any, shape: Any, by: Any = math) -> t
     Of arrays of all `by` numpy.
     """
     thigh_length, thigh_bend, shin_length, shin_bend, roll = shape
-    thigh, shin = _link(upper, thigh_length, thigh_bend, by), _link(upper + knee, shin_length, shin_bend, by)
+    thigh, shin = link(upper, thigh_length, thigh_bend, by), link(upper + knee, shin_length, shin_bend, by)
     return x + thigh[0] + shin[0], z + thigh[1] + shin[1] - roll
 
 
@@ -77,8 +77,8 @@ class RabbitFeet:
         """Foot velocity over `dq`, shape (2, 7): rows x, z."""
         hip, knee = range(DOF)[leg.joints]
         upper_angle, shape = float(q[2] + q[hip]), self.shape
-        thigh = _link(upper_angle, shape.thigh, shape.thigh_bend)
-        shin = _link(upper_angle + float(q[knee]), shape.shin, shape.shin_bend)
+        thigh = link(upper_angle, shape.thigh, shape.thigh_bend)
+        shin = link(upper_angle + float(q[knee]), shape.shin, shape.shin_bend)
         below = shin[1] - shape.roll
         jacobian = np.zeros((2, DOF))
         jacobian[0, 0] = jacobian[1, 1] = 1.0

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from rabbit_description.state import Array, Leg
 from rabbit_experiments.walk_records import WalkRecords
+from rabbit_sim.kinematics import LINK_LENGTH, link
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.plant import Span
 
-LEG_LINK = 0.4  # m, thigh and shin
 TORSO = 0.63  # m
 DEPTH = 0.12  # m, of a drawn stone
 AREA_HEIGHT = 0.2  # m, up to which the barriers' area is shown
@@ -57,8 +57,8 @@ def feet(q: Array, links: Links = STRAIGHT) -> Array:
 
 
 def _link(angle: Array, links: Links) -> Array:
-    sine, cosine, (bend, stretch) = np.sin(angle), np.cos(angle), links
-    return LEG_LINK * stretch * np.stack([bend * cosine - sine, -bend * sine - cosine], axis=1)
+    bend, stretch = links
+    return np.stack(link(angle, LINK_LENGTH * stretch, bend, np), axis=1)
 
 
 def allowed_area(l_min: float, l_max: float, R1: float, R2: float) -> Array:
@@ -105,6 +105,11 @@ def stone_spans(walk: WalkRecords) -> list[Span]:
 def spans_until(walk: WalkRecords, spans: list[Span], row: int) -> list[Span]:
     """Those of the `stone_spans` that are seen by this row of the records, which may begin with any step."""
     return spans[: int(np.searchsorted(walk.step_starts, row, side="right")) + 1]
+
+
+def box(near: float, far: float, top: float = 0.0) -> list[tuple[float, float]]:
+    """Corners of a stone between these edges, as it is drawn, m."""
+    return [(near, top - DEPTH), (near, top), (far, top), (far, top - DEPTH)]
 
 
 def area_at(walk: WalkRecords, row: int) -> Array | None:

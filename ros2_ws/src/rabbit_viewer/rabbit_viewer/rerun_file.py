@@ -18,7 +18,7 @@ from rabbit_recording import RecordingError
 from rabbit_recording.explaining import explain_tick, explain_walk, worst_of
 from rl_trainer.rollout import Moment, Record
 
-from rabbit_viewer.geometry import DEPTH, force_arrow, legs_of, spans_until, stone_spans, torso_points
+from rabbit_viewer.geometry import box, force_arrow, legs_of, spans_until, stone_spans, torso_points
 from rabbit_viewer.pictures import panels
 from rabbit_viewer.walk_pictures import bag_of, place_of, records_of
 
@@ -84,9 +84,8 @@ def scenes(walk: WalkRecords) -> Iterator[dict[str, list[Array]]]:
     legs, torso, spans = legs_of(walk), torso_points(walk.q), stone_spans(walk)
     for row, stance in enumerate(walk.stance):
         foot = legs[stance, row, 2]
-        boxes = spans_until(walk, spans, row)
         lines = {
-            "stones": [np.array([(x, top - DEPTH * down) for x, down in _corners(*edges)]) for *edges, top in boxes],
+            "stones": [np.array(box(*span)) for span in spans_until(walk, spans, row)],
             "swing": [legs[1 - stance, row]],
             "stance": [legs[stance, row]],
             "torso": [torso[row]],
@@ -94,10 +93,6 @@ def scenes(walk: WalkRecords) -> Iterator[dict[str, list[Array]]]:
         }
         hip = np.array([walk.q[row, 0], 0.0])
         yield {name: [(line - hip) * (1, -1) for line in several] for name, several in lines.items()}
-
-
-def _corners(near: float, far: float) -> list[tuple[float, int]]:
-    return [(near, 1), (near, 0), (far, 0), (far, 1)]
 
 
 def explanation(source: Path, episode: int | None) -> str:

@@ -20,7 +20,7 @@ from PIL import Image, ImageDraw, ImageFont
 from rabbit_experiments.walk_records import WalkRecords
 
 from rabbit_viewer import style
-from rabbit_viewer.geometry import DEPTH, area_at, fall_of, force_arrow, legs_of, spans_until, stone_spans, torso_points
+from rabbit_viewer.geometry import area_at, box, fall_of, force_arrow, legs_of, spans_until, stone_spans, torso_points
 
 VIEW = (-1.2, 1.2, -0.25, 1.6)  # m: left, right, bottom, top, from below the hip
 SIZE = (960, 740)  # pixels, as the view
@@ -96,8 +96,8 @@ class Scene:
     def _place_boxes(self, row: int) -> None:
         """The platform, a stone for each step begun, and the area that the barriers allow."""
         camera, spans = self._walk.q[row, 0], spans_until(self._walk, self._spans, row)
-        boxes = [_box(near - camera, far - camera, top) for near, far, top in spans]
-        self._boxes["ground"].set_verts(boxes or [_box(VIEW[0] - 1, VIEW[1] + 1)])
+        boxes = [box(near - camera, far - camera, top) for near, far, top in spans]
+        self._boxes["ground"].set_verts(boxes or [box(VIEW[0] - 1, VIEW[1] + 1)])
         self._boxes["next"].set_verts(boxes[-1:] if np.isfinite(self._walk.preview[row, 0]) else [])
         area = area_at(self._walk, row)
         foot = self._legs[self._walk.stance[row], row, 2, 0]
@@ -141,7 +141,3 @@ class Scene:
             why = "\n".join(wrap(str(walk.about.get("reason", "")), LETTERS))
             draw.multiline_text((LEFT, REASON), why, style.RED, self._large, spacing=LINE_SPACING)
         return image
-
-
-def _box(near: float, far: float, top: float = 0.0) -> list[tuple[float, float]]:
-    return [(near, top - DEPTH), (near, top), (far, top), (far, top - DEPTH)]
