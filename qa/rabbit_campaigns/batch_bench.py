@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 from rabbit_description.gait import load_gaits
 from rabbit_experiments.assembly import Assembly, make_simulation
-from rabbit_experiments.batch_evaluation import walk_together
-from rabbit_experiments.evaluation import episode_seeds, parts, walk
+from rabbit_experiments.evaluation import episode_seeds, parts, walk, walk_together
 from rabbit_sim.batch_simulation import BatchSimulation
 from rl_cbf_clf_controller.batch_controller import BatchController
 

@@ -13,17 +13,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from rabbit_description.gait import load_gaits
+from rabbit_description.state import Array
 from rabbit_sim.simulation import Simulation
+from rl_cbf_clf_controller.batch_controller import BatchController
+from rl_cbf_clf_controller.batch_output import BatchOutput
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.scene import ControllerError
 from rl_trainer.rollout import Controller as AnyController
-from rl_trainer.rollout import Observer, Record, rollout
+from rl_trainer.rollout import Observer, Record, Shares, rollout, rollout_together
 from rl_trainer.rollout import Simulation as AnySimulation
 
-from rabbit_experiments.assembly import Assembly
-from rabbit_experiments.batch_evaluation import walk_together
+from rabbit_experiments.assembly import Assembly, make_simulation
 from rabbit_experiments.cache import Job
-from rabbit_experiments.metrics import RunResult, RunTally
+from rabbit_experiments.metrics import BatchColumns, RunResult, RunTally
 from rabbit_experiments.provenance import named_files, plain
 from rabbit_experiments.walk_records import WalkRecords, about_walk, load_records, save_records
 
@@ -99,6 +102,36 @@ def walk(assembly: Assembly, run: int, seed: int, *observers: Observer) -> RunRe
         tally.fault = episode(plant, timed, seed, observe, *observers) or tally.fault
         wall = time.perf_counter() - start
         return tally.result(seed, simulation.outcome, simulation.landings, timed.seconds, plant.seconds, wall)
+
+
+def walk_together(
+    one: Controller, assemblies: Sequence[Assembly], numbers: Sequence[int], seeds: Sequence[int]
+) -> Iterator[tuple[int, RunResult]]:
+    """Walks under copies of `one`, of assemblies that differ in their plants alone.
+
+    A run leaves to the bit what it leaves alone, but for the times, which are a robot's share of what all of them took.
+    `numbers` of the runs, `seeds` of the episodes. Yields place and result of a run as it ends.
+    """
+    from rabbit_sim.batch_simulation import BatchSimulation  # needs MuJoCo, which not everybody has
+
+    first, gait = assemblies[0], load_gaits(assemblies[0].controller.gait)
+    simulation = BatchSimulation([make_simulation(assembly.simulation, gait) for assembly in assemblies])
+    policies = [assembly.make_policy() if first.policy == "oracle" else one.policy for assembly in assemblies]
+    columns, shares = BatchColumns(one), Shares()
+    tallies = [RunTally(run, first.controller) for run in numbers]
+
+    def observe(places: Array, output: BatchOutput) -> None:
+        rows = columns.of_all(output, simulation.true_force)
+        for row, place in enumerate(places.tolist()):
+            if row not in output.errors:
+                tallies[place].add(rows[row], columns)
+
+    for ended in rollout_together(simulation, BatchController(one, policies), seeds, observe, shares):
+        place, robot, tally = ended.place, ended.simulation, tallies[ended.place]
+        tally.fault = ended.fault  # all runs began with the first tick, so all shares are this one's
+        times = [*shares.controller], [*shares.plant], sum(shares.whole)
+        yield place, tally.result(seeds[place], robot.outcome, robot.landings, *times)
+        robot.close()
 
 
 def record_walk(assembly: Assembly, seed: int) -> WalkRecords:

@@ -16,8 +16,7 @@ from rabbit_description.gait import load_gaits
 from rabbit_description.robot_states import RobotStates
 from rabbit_description.state import StonePreview
 from rabbit_experiments.assembly import Assembly, make_simulation, resolve_policy
-from rabbit_experiments.batch_evaluation import walk_together
-from rabbit_experiments.evaluation import forget_parts, walk
+from rabbit_experiments.evaluation import forget_parts, walk, walk_together
 from rabbit_experiments.registered import make_vector
 from rabbit_experiments.vector_environment import LearnerUnits, VectorWalkingEnv
 from rabbit_sim.batch_simulation import BatchSimulation

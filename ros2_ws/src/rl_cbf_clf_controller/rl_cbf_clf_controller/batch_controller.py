@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from cbf_clf_qp.answer import INVALID
+from cbf_clf_qp.batch_functions import Bound
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import Values
 from rabbit_description.robot_states import RobotStates
@@ -19,8 +20,7 @@ from rl_cbf_clf_controller.controller_parts import ControllerParts
 from rl_cbf_clf_controller.policy import ActorPolicy, LearnedPolicy, Policy, ZeroPolicy
 from rl_cbf_clf_controller.rabbit_step import FARTHEST_STONE, HIGHEST_STONE, NEVER
 from rl_cbf_clf_controller.residual_policy import Memory, ResidualPolicy
-from rl_cbf_clf_controller.step import DQ, Q
-from rl_cbf_clf_controller.step_rows import StepRows
+from rl_cbf_clf_controller.step import DQ, Q, StepFunctions
 
 if TYPE_CHECKING:
     from rl_cbf_clf_controller.parameters import ControllerParameters
@@ -299,3 +299,20 @@ class BatchController:
         if not 0 < stone.l_min < stone.l_max < FARTHEST_STONE:
             return f"state.preview = {stone}: expected 0 < l_min < l_max < {FARTHEST_STONE:g} m"
         return f"state.preview = {stone}: expected a height of at most {HIGHEST_STONE:g} m"
+
+
+class StepRows:
+    """Memory, readings and reports of `n` robots, a row for each; see `step.py`. One object serves one thread."""
+
+    def __init__(self, f: StepFunctions, first: Array, n: int) -> None:
+        self.memory, self.reading = np.tile(first, (n, 1)), np.zeros((n, f.reading.size))
+        self.settings, gaits = np.zeros((n, f.settings.size)), np.tile(f.gaits, (n, 1))
+        arrays = self.memory, self.reading, self.settings
+        self.look = Bound(f.look, *arrays, gaits)
+        self.step = Bound(f.step, *arrays, gaits)
+        self.estimates = np.zeros((n, f.estimates.size))
+        self.decide = Bound(f.decide, self.reading, self.settings, self.look.row, self.estimates)
+        self.data = Bound(f.data, self.look.row, self.estimates)
+        self.x, self.y, self.tolerance = (np.zeros((n, f.finish.function.numel_in(i))) for i in ("x", "y", "tolerance"))
+        answer = self.data.row, self.x, self.y, self.tolerance
+        self.finish = Bound(f.finish, self.reading, self.settings, self.look.row, *answer)

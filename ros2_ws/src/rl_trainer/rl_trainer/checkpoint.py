@@ -3,7 +3,7 @@
 DIR/parameters.yaml             what was asked for
 DIR/checkpoint.pt               all of the trainer after an episode, with a checksum; replaced at once or not at all
 DIR/policies/NNN.safetensors    the policy after episode NNN
-DIR/curve.csv                   how the episodes went, see `curve.py`
+DIR/curve.csv                   how the episodes went, from 0; a cell is empty where one has no such number
 DIR/journal-NNNNNN.txt          a node's transitions since then: a line of JSON each, after its checksum
 
 A line is handed to the operating system before its transition is published, not synced: a killed process loses
@@ -22,17 +22,16 @@ from zipfile import ZipFile
 
 import numpy as np
 import torch
-from rabbit_description.atomic_file import remove_partials, replace_text, replacing
+from rabbit_description.atomic_file import remove_partials, replace_table, replace_text, replacing
 from rabbit_description.bounded_file import read_bytes
 from rabbit_description.validation import one_line
 from rabbit_description.yaml_file import dump_yaml
 
-from rl_trainer.curve import write_curve
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.training import Trainer
 from rl_trainer.transitions import Doubt, Transition
 
-CHECKPOINT = "checkpoint.pt"
+CHECKPOINT, CURVE = "checkpoint.pt", "curve.csv"
 MOST_BYTES = 10_000_000_000  # of a checkpoint; 5,000,000 transitions have half of it
 MOST_JOURNAL_BYTES = 500_000_000  # a transition has about three thousand
 DIGEST = hashlib.sha256().digest_size  # bytes at the head of a checkpoint
@@ -86,7 +85,7 @@ class Checkpoint:
         """After an episode: the policy and all of the trainer's state; what journals hold is in there."""
         trainer, newest, content = self.trainer, self.folder / CHECKPOINT, io.BytesIO()
         trainer.policy_file().write(self.folder / "policies" / f"{trainer.episode:03d}.safetensors")
-        write_curve(self.folder, trainer.reports)
+        replace_table(self.folder / CURVE, ({"episode": one.episode, **one.scalars} for one in trainer.reports))
         torch.save({"parameters": trainer.parameters.key, **trainer.state_dict()}, content)
         data = content.getvalue()
         with replacing(newest) as partial:

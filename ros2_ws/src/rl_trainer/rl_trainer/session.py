@@ -11,7 +11,6 @@ from pathlib import Path
 from rl_cbf_clf_controller.policy import LearnedPolicy
 
 from rl_trainer.checkpoint import Checkpoint
-from rl_trainer.curve import scalars
 from rl_trainer.rollout import Controller, Simulation, rollout
 from rl_trainer.training import EpisodeReport, Trainer
 
@@ -53,7 +52,7 @@ def tensorboard(folder: Path, first: int) -> Iterator[Callable[[EpisodeReport], 
         with SummaryWriter(folder, purge_step=first) as writer:
 
             def log(report: EpisodeReport) -> None:
-                for name, value in scalars(report).items():
+                for name, value in report.scalars.items():
                     writer.add_scalar(name, value, report.episode)
                 writer.flush()
 

@@ -85,6 +85,14 @@ class EpisodeReport:
     left_out: dict[str, int]
     seconds: float = field(compare=False)
 
+    @property
+    def scalars(self) -> dict[str, float]:
+        """What curve.csv and TensorBoard tell of it, by name."""
+        told = {f"episode/{name}": float(getattr(self, name)) for name in ("steps", "ticks", "kept", "failed", "sigma")}
+        for group in ("reward", "losses", "left_out"):
+            told |= {f"{group}/{name}": value for name, value in getattr(self, group).items()}
+        return told
+
 
 class Trainer:
     """Collects transitions, learns from them, and hands out policies.

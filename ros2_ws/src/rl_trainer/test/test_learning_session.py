@@ -9,8 +9,7 @@ import torch
 from rl_cbf_clf_controller.uncertainty import RL_CLF_QP
 from rl_cbf_clf_controller.weights import PolicyFile, read
 from rl_trainer import training
-from rl_trainer.checkpoint import CHECKPOINT, Checkpoint, CheckpointError
-from rl_trainer.curve import CURVE, scalars
+from rl_trainer.checkpoint import CHECKPOINT, CURVE, Checkpoint, CheckpointError
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.session import resume
 from rl_trainer.training import DivergenceError, Provenance, Trainer
@@ -41,7 +40,7 @@ def test_a_killed_run_resumes_with_nothing_lost(tmp_path: Path) -> None:
     rows = list(csv.DictReader(curve.splitlines()))
     assert [int(row.pop("episode")) for row in rows] == [0, 1, 2, 3]
     for row, report in zip(rows, reports, strict=True):
-        assert {name: float(text) for name, text in row.items() if text} == scalars(report)
+        assert {name: float(text) for name, text in row.items() if text} == report.scalars
     assert not list(resume(Checkpoint(tmp_path / "cut", Trainer(PARAMETERS)), ToyWorld(), ToyController))
     with pytest.raises(CheckpointError, match="other parameters"):
         Checkpoint(tmp_path / "cut", Trainer(PARAMETERS.model_copy(update={"seed": 2})))

@@ -69,7 +69,7 @@ def train(given: Given) -> None:
 def draw_curve(folder: Path) -> None:
     """Draw the curve of what was trained, if anything was and rabbit_viewer, which draws, is there."""
     from rabbit_description.plugins import load
-    from rl_trainer.curve import CURVE
+    from rl_trainer.checkpoint import CURVE
 
     if (folder / CURVE).is_file():
         with suppress(LookupError), complaints(OSError):
