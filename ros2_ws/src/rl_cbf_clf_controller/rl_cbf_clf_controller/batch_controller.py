@@ -163,10 +163,14 @@ class BatchController:
         sigma = self._parameters.sigma
         if sigma == 0 and self._is_silent:
             return self._silence
-        none = self._silence[0]
-        omega = sigma * np.array([rng.standard_normal(none.size) if sigma > 0 else none for rng in self._rngs])
+        omega = sigma * self._drawn()
         self._reading["noise"][...], self._is_silent = omega, sigma == 0
         return omega
+
+    def _drawn(self) -> Array:
+        """Standard normal numbers for each robot, (N, m)."""
+        none, explores = self._silence[0], self._parameters.sigma > 0
+        return np.array([rng.standard_normal(none.size) if explores else none for rng in self._rngs])
 
     def look(self, states: Any) -> BatchScene:
         """What is seen of the states, after those robots have changed legs that came down.

@@ -1,6 +1,6 @@
 """The controllers of a control task by name: nominal, oracle, a learned policy, or one that the task brings."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -70,13 +70,11 @@ class Noise:
 class TaskBatch(BatchController):
     """N systems under copies of one task's controller, all with one policy."""
 
-    def __init__(self, controller: "TaskController", policies: Sequence[Policy]) -> None:
-        self._task = controller.task
-        super().__init__(controller, policies)
+    _one: "TaskController"
 
     def reset(self, i: int, seed: int) -> None:
         super().reset(i, seed)
-        self._rngs[i] = Noise(self._task, seed, self._silence.shape[1])
+        self._rngs[i] = Noise(self._one.task, seed, self._silence.shape[1])
 
     def only_policy(self) -> Any:
         return self.policies[0]
@@ -98,13 +96,8 @@ class TaskBatch(BatchController):
         self._tick[...] = [state.tick for state in states]
         self._touchdowns[...] = [state.touchdowns for state in states]
 
-    def _noise(self) -> Array:
-        sigma = self._parameters.sigma
-        if sigma == 0 and self._is_silent:
-            return self._silence
-        omega = np.array([sigma * rng.at(int(tick)) for rng, tick in zip(self._rngs, self._tick, strict=True)])
-        self._reading["noise"][...], self._is_silent = omega, sigma == 0
-        return omega
+    def _drawn(self) -> Array:
+        return np.array([rng.at(int(tick)) for rng, tick in zip(self._rngs, self._tick, strict=True)])
 
     def _why_refused(self, state: RobotState, kind: int) -> str:
         name = {Q: "q", DQ: "dq"}.get(kind, "parameters")
