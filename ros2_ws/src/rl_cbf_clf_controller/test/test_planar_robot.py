@@ -15,7 +15,6 @@ from rabbit_description.planar_urdf import with_planar_base
 from rabbit_description.state import ROBOT_MASS
 from rl_cbf_clf_controller.planar_robot import PinnedRobot, Structure
 from rl_cbf_clf_controller.robot_numbers import read_robot
-from walking_states import scaled
 
 H = 1e-6
 WALKER = Path(__file__).resolve().parents[4] / "examples" / "three_link_walker.urdf"
