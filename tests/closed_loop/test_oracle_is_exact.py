@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 from pinned_motion import accelerations
-from rabbit_description.gait import load_gait
 from rabbit_description.state import Array, RobotState
 from rabbit_experiments.evaluation import episode
 from rabbit_sim.kinematics import RabbitFeet
@@ -18,12 +17,7 @@ from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.perturbations.joints import JointDamping
 from rabbit_sim.pinned_dynamics import PinnedDynamics
 from rabbit_sim.robot_urdf import leg_shape, perturbed_urdf
-from rabbit_sim.simulation import Simulation
-from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.controller_output import ControllerOutput, from_flat
-from rl_cbf_clf_controller.oracle import OraclePolicy, TruePlant
-from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.scene import Scene
 from rl_cbf_clf_controller.uncertainty import PAPER, RL_CBF_CLF_QP
@@ -31,7 +25,7 @@ from rl_trainer.parameters import TrainingParameters
 from rl_trainer.reward import error_unit
 from rl_trainer.rollout import Record, rollout
 from rl_trainer.transitions import Doubt, TransitionBuilder
-from walked import make_assembly
+from walked import make_assembly, with_law
 
 SHORT = 5e-6  # s, between which V and B-dot are differenced
 PLANTS: list[dict[str, float]] = [
@@ -125,17 +119,7 @@ def test_without_it_the_reward_is_not() -> None:
 
 
 STEPS = 4
-
-
-def parts(problem: Problem, plant: str) -> tuple[Simulation, Controller, TrainingParameters]:
-    terrain = "stones" if problem == RL_CBF_CLF_QP else "flat"
-    simulated = SimulationParameters.model_validate(
-        {"mass_scale": 2.0, "terrain": terrain, "stones": STEPS, "plant": plant}
-    )
-    parameters = ControllerParameters.model_validate({"controller": problem.name, "sigma": 5.0})
-    gait = load_gait(parameters.gait)
-    oracle = OraclePolicy(TruePlant(perturbed_urdf(simulated)), io=problem.corrects_input)
-    return Simulation(simulated, gait), Controller(parameters, gait, oracle), TrainingParameters(problem=problem)
+EXPLORING = {"mass_scale": 2.0, "motor_lag": 0.0, "stones": STEPS}
 
 
 @pytest.mark.parametrize("plant", ["pybullet", "rigid"])
@@ -145,7 +129,9 @@ def test_targets_are_the_true_errors(problem: Problem, plant: str) -> None:
 
     In the first approach the oracle cancels the error, so y'' must be mu; the error counts against the input's size.
     """
-    simulation, controller, parameters = parts(problem, plant)
+    exploring = make_assembly(problem.name, "oracle", plant=plant, **EXPLORING)
+    simulation, controller = with_law(exploring, sigma=5.0).build()
+    parameters = TrainingParameters(problem=problem)
     builder = TransitionBuilder(parameters)
     target, true, size, io = [], [], [], problem.corrects_input
 
@@ -167,10 +153,9 @@ def test_targets_are_the_true_errors(problem: Problem, plant: str) -> None:
 
 def test_beside_an_adaptation_the_target_is_what_it_leaves() -> None:
     """The robot is found within a step; what is left to learn is less than a tenth of the nominal model's error."""
-    simulation, _, parameters = parts(RL_CBF_CLF_QP, "rigid")
-    tuning = ControllerParameters(controller="rl-cbf-clf-qp", adaptation="identification", sigma=5.0)
-    controller = Controller(tuning, load_gait(tuning.gait), ZeroPolicy(tuning.problem))
-    builder = TransitionBuilder(parameters)
+    exploring = make_assembly("rl-cbf-clf-qp", plant="rigid", **EXPLORING)
+    simulation, controller = with_law(exploring, adaptation="identification", sigma=5.0).build()
+    builder = TransitionBuilder(TrainingParameters(problem=RL_CBF_CLF_QP))
     left, whole = [], []
 
     def observe(record: Record) -> None:

@@ -16,24 +16,16 @@ from rl_trainer.rollout import Record, rollout
 
 SEED, THREADS = 23, 2
 FIELDS = "torque", "mu", "eta", "alpha", "beta", "margins", "slacks", "multipliers", "measured", "identified"
+NAMES = ("clf-qp", "l1-clf-qp", "io-rl-clf-qp", "rl-clf-qp", "cbf-clf-qp", "rl-cbf-clf-qp", "robust-cbf-clf-qp", "best")
 CONTROLLERS: dict[str, dict[str, Any]] = {
-    "clf-qp": {},
-    "l1-clf-qp": {},
-    "io-rl-clf-qp": {},
-    "rl-clf-qp": {},
-    "cbf-clf-qp": {},
-    "rl-cbf-clf-qp": {},
-    "robust-cbf-clf-qp": {},
-    "rl-cbf-clf-qp, exploring": {"sigma": 5.0},
-    "rl-cbf-clf-qp, osqp": {"qp_solver": "osqp"},
-    "best": {},
+    **{name: {} for name in NAMES},
+    **{"rl-cbf-clf-qp, exploring": {"sigma": 5.0}, "rl-cbf-clf-qp, osqp": {"qp_solver": "osqp"}},
 }
 
 
 def assembly_of(name: str, changes: dict[str, Any]) -> Assembly:
-    kind = name.split(",")[0]
-    changes = {"qp_solver": "daqp", **({} if name == "best" else {"controller": kind}), **changes}
-    parameters = load_parameters("best" if name == "best" else "ours", **changes)
+    kind = {} if name == "best" else {"controller": name.split(",")[0]}
+    parameters = load_parameters("ours" if kind else "best", **{"qp_solver": "daqp", **kind, **changes})
     plant = SimulationParameters(plant="mujoco", mass_scale=2.0, stones=3, terrain=parameters.terrain)
     return Assembly(plant, parameters, resolve_policy(None, parameters))
 
