@@ -42,16 +42,12 @@ def test_cruise_control_follows_the_closed_form_while_the_clf_alone_is_active():
     assert decided.mu[0] == pytest.approx(hard / (1 + 1 / p), rel=1e-5)
 
 
-@pytest.mark.parametrize("scale", [0.5, 2.0])
-def test_cruise_control_keeps_the_limit_with_a_perfect_estimate(scale):
+def test_cruise_control_keeps_the_limit_with_a_perfect_estimate_and_a_lighter_car_breaks_it_without():
     cruise = load("cruise_control")
-    speeds = cruise.drive(scale, perfect=True)
-    assert max(speeds) <= cruise.V_LIMIT + 1e-6
-    assert speeds[-1] == pytest.approx(cruise.V_LIMIT, abs=0.01)
-
-
-def test_cruise_control_of_a_lighter_car_breaks_the_limit_without_it():
-    cruise = load("cruise_control")
+    for scale in (0.5, 2.0):
+        speeds = cruise.drive(scale, perfect=True)
+        assert max(speeds) <= cruise.V_LIMIT + 1e-6
+        assert speeds[-1] == pytest.approx(cruise.V_LIMIT, abs=0.01)
     assert max(cruise.drive(0.5, perfect=False)) > cruise.V_LIMIT + 0.05
 
 
@@ -93,9 +89,7 @@ def test_the_worked_tick_has_the_numbers_of_its_page(capsys):
     assert float(re.search(r"^B1'' estimated +(\S+)", printed, re.MULTILINE)[1]) == pytest.approx(required, rel=0.01)
 
 
-ROOT = Path(__file__).parents[2]
-NOTEBOOK = ROOT / "examples" / "lesson.ipynb"
-LESSON = (ROOT / "docs" / "lesson.md").read_text(encoding="utf-8")
+LESSON = (EXAMPLES.parent / "docs" / "lesson.md").read_text(encoding="utf-8")
 OPENED = r"\[[^]]+\]\((?P<link>[^)]+)\)|`rabbit play (?P<options>[^`]+)`"
 ROWS = list(re.finditer(rf"^\| (?:{OPENED}) \|(?P<ends>.+)\|$", LESSON, re.MULTILINE))
 
@@ -153,7 +147,7 @@ def test_a_walk_ends_as_the_answer_says(row: re.Match[str]) -> None:
 def test_the_notebook_runs_from_above_to_below(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MPLBACKEND", "Agg")
     space: dict[str, Any] = {}
-    cells = json.loads(NOTEBOOK.read_text(encoding="utf-8"))["cells"]
+    cells = json.loads((EXAMPLES / "lesson.ipynb").read_text(encoding="utf-8"))["cells"]
     for source in ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]:
         exec(source.replace("RUNS = 3", "RUNS = 1"), space)  # as Jupyter does
     assert {"mass", "gain", "width", "friction", "push", "noise", "delay", "learning"} <= space["shares"].keys()

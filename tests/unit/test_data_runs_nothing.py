@@ -2,7 +2,6 @@
 
 import ast
 import contextlib
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -17,14 +16,6 @@ RUNS_CODE |= {"pickle.load", "pickle.loads", "marshal.load", "marshal.loads", "j
 RUNS_CODE |= {"yaml.load", "yaml.load_all", "yaml.unsafe_load", "yaml.full_load", "os.system", "os.popen"}
 
 
-@pytest.fixture
-def mark(tmp_path: Path) -> Iterator[Path]:
-    """A file that must not be there afterwards."""
-    path = tmp_path / "code_was_run"
-    yield path
-    assert not path.exists()
-
-
 @pytest.mark.parametrize(
     ("kind", "definition"),
     [
@@ -35,17 +26,18 @@ def mark(tmp_path: Path) -> Iterator[Path]:
         ("a/msg/B", "float64[({code})] x\n"),
     ],
 )
-def test_message_definitions_in_a_recording_run_nothing(kind: str, definition: str, tmp_path: Path, mark: Path) -> None:
+def test_message_definitions_in_a_recording_run_nothing(kind: str, definition: str, tmp_path: Path) -> None:
     """The library that reads recordings makes Python out of the definitions in them."""
+    mark, bag = tmp_path / "code_was_run", tmp_path / "bag"
     code = f"__import__('pathlib').Path('{mark}').touch()"
-    with Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+    with Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         told = {"msgdef": definition.format(code=code), "rihs01": "RIHS01_0"}
         connection = writer.add_connection("/t", kind.format(code=code), **told)
         writer.write(connection, 0, bytes(12))
-    bag = tmp_path / "bag"
     with contextlib.suppress(RecordingError), opened(bag) as reader, one_line_errors(bag):
         for connection, _, data in reader.messages():
             reader.deserialize(data, connection.msgtype)
+    assert not mark.exists()
 
 
 def test_no_module_runs_what_it_reads() -> None:

@@ -156,9 +156,8 @@ def accelerations() -> NumpyFunction:
 def updating(n: int, m: int) -> NumpyFunction:
     """`updated` of n numbers from m measurements, for numpy."""
     shapes = {"value": (n, 1), "covariance": (n, n), "walk": (n, n), "H": (m, n), "z": (m, 1), "noise": (m, m)}
-    symbols = {name: ca.SX.sym(name, *shape) for name, shape in shapes.items()}
-    value, covariance, _ = updated(*symbols.values())
-    return NumpyFunction.of("updated", symbols, {"value": value, "covariance": covariance}, matrices=("covariance",))
+    found = dict(zip(("value", "covariance", "square"), updated(*(inputs := symbols(shapes)).values()), strict=True))
+    return NumpyFunction.of("updated", inputs, found, matrices=("covariance",))
 
 
 def test_least_squares_solve_the_normal_equations():
@@ -187,18 +186,14 @@ def test_least_squares_keep_all_where_a_number_is_too_large_to_compute_with(wron
 
 def test_an_innovation_has_a_mean_square_of_one():
     """If the measurements are as the least squares take them: Gaussian, with the covariance that they are told."""
-    x, P, z = ca.SX.sym("x", 2), ca.SX.sym("P", 2, 2), ca.SX.sym("z", 3)
-    H, R, rng = ca.SX.sym("H", 3, 2), np.diag([0.1, 1.0, 4.0]), np.random.default_rng(8)
-    after = updated(x, P, ca.SX.zeros(2, 2), H, z, ca.DM(R))
-    names = "x", "P", "square"
-    step = NumpyFunction.of("step", {"x": x, "P": P, "H": H, "z": z}, dict(zip(names, after, strict=True)))
-    squares = []
+    step, R, rng, squares = updating(2, 3), np.diag([0.1, 1.0, 4.0]), np.random.default_rng(8), []
     for _ in range(400):
         truth, found, covariance = rng.normal(size=2), np.zeros(2), np.eye(2)
         for _ in range(10):
             rows = rng.normal(size=(3, 2))
-            later = step(found, covariance, rows, rows @ truth + rng.normal(size=3) * np.sqrt(R.diagonal()))
-            found, covariance = later.x, later.P
+            measured = rows @ truth + rng.normal(size=3) * np.sqrt(R.diagonal())
+            later = step(found, covariance, np.zeros((2, 2)), rows, measured, R)
+            found, covariance = later.value, later.covariance
             squares.append(later.square.item())
     assert np.mean(squares) == pytest.approx(1, abs=4 * np.sqrt(2 / 3 / len(squares)))  # of chi-squared / 3
 
@@ -254,7 +249,7 @@ def found_after(steps, offsets, foot_velocity):
     model, rng = PinocchioModel(), np.random.default_rng(2)
     shapes = {name: (*np.shape(value), 1)[:2] for name, value in UNKNOWN.items()}
     shapes |= {"x": (14, 1), "ticks": (1, 1), "noise": (1, 1), "joints": (4, 2), "feet": (2, 2)}
-    s = {name: ca.SX.sym(name, *shape) for name, shape in shapes.items()}
+    s = symbols(shapes)
     given = [s[name] for name in ("x", "ticks", "noise", "joints", "feet")]
     step, robot, known = NumpyFunction.of("calibrated", s, calibrated(s, *given)), read_robot(), list(UNKNOWN.values())
     for k in range(steps):

@@ -19,7 +19,6 @@ from rabbit_viewer.geometry import spans_until, stone_spans
 from rabbit_viewer.page.rows import RowMaker
 from rabbit_viewer.ros.rviz import markers
 from rl_cbf_clf_controller.controller import Controller
-from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.oracle import OraclePolicy, TruePlant
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
@@ -59,13 +58,13 @@ def state_at(walk: WalkRecords, row: int) -> msg.RobotState:
     return msg.RobotState(header=header(tick), episode=1, tick=tick, q=walk.q[row], touchdowns=landed)
 
 
-def boxes(walk: WalkRecords, row: int, landings: slice = slice(None), sees: bool = True) -> list[tuple[float, ...]]:
-    """Both ends and the top of each box of a row, for a viewer that has heard some of the landings so far."""
-    landed = walk.landings[walk.landings[:, 0] <= walk.touchdowns[row]][landings]
+def boxes(walk: WalkRecords, row: int) -> list[tuple[float, ...]]:
+    """Both ends and the top of each box of a row, for a viewer that has heard the landings so far."""
+    landed = walk.landings[walk.landings[:, 0] <= walk.touchdowns[row]]
     heard = [msg.Landing(index=int(row[0]), l=row[2], l_min=row[3], l_max=row[4]) for row in landed]
     height = float(walk.stone_height[row])
     heights = {k: float(walk.stone_height[walk.step_starts[k - 1]]) for k in range(1, len(walk.step_starts) + 1)}
-    ahead = StonePreview(0, *walk.preview[row], height) if sees and np.isfinite(walk.preview[row, 0]) else None
+    ahead = StonePreview(0, *walk.preview[row], height) if np.isfinite(walk.preview[row, 0]) else None
     foot = RabbitFeet().positions(walk.q[row])[walk.stance[row]]
     first, *drawn = markers(state_at(walk, row), foot, ahead, heard, heights).markers
     assert first.action == Marker.DELETEALL
@@ -117,21 +116,19 @@ def test_frames_carry_the_links_to_where_the_feet_are(walk: WalkRecords) -> None
     assert set(at) == links | FRAMES.keys()
 
 
-def maker_of(output: ControllerOutput, plant: SimulationParameters, policy: str, knows_plant: bool = False) -> RowMaker:
-    about = about_walk(CONTROLLER, plant, policy, 1, "walked")
-    return RowMaker(about, output.quantities, output.barrier_names, knows_plant)
-
-
-def rows_of(records: list[Record]) -> tuple[Array, tuple[str, ...]]:
-    """All rows (n, columns), and the columns."""
-    maker = maker_of(records[0].output, PLANT, "zero")
-    return np.array([maker.row(record.state, record.output) for record in records]), maker.columns
+def columns_of(records: list[Record], plant: SimulationParameters = PLANT, true: Any = None) -> dict[str, Array]:
+    """By name, from all rows; `true`: the errors of the model, if the plant is known."""
+    first, about = records[0].output, about_walk(CONTROLLER, plant, "", 1, "walked")
+    maker = RowMaker(about, first.quantities, first.barrier_names, true is not None)
+    errors = [None] * len(records) if true is None else true
+    rows = [maker.row(r.state, r.output, true=error) for r, error in zip(records, errors, strict=True)]
+    return dict(zip(maker.columns, np.transpose(rows), strict=True))
 
 
 def test_stones_lie_where_the_plant_placed_them(walked: Walked) -> None:
     records, simulation = walked
-    rows, columns = rows_of(records)
-    edges = rows[:, [columns.index(name) for name in ("stone_near", "stone_far", "stone_top")]]
+    columns = columns_of(records)
+    edges = np.transpose([columns[name] for name in ("stone_near", "stone_far", "stone_top")])
     seen = np.unique(edges[np.isfinite(edges[:, 0])], axis=0)
     np.testing.assert_allclose(seen, simulation.stones[1:], atol=5e-4)  # the foot goes on within its touchdown's tick
 
@@ -144,10 +141,7 @@ def test_with_exact_estimates_the_true_error_is_the_estimated_one() -> None:
     oracle = OraclePolicy(TruePlant(perturbed_urdf(plant)))
     rollout(simulation, Controller(CONTROLLER, gait, oracle), 1, records.append)
     simulation.close()
-    maker = maker_of(records[0].output, plant, "oracle", knows_plant=True)
-    errors = [record.output.alpha @ record.output.mu + record.output.beta for record in records]
-    rows = np.array([maker.row(r.state, r.output, true=error) for r, error in zip(records, errors, strict=True)])
-    column = dict(zip(maker.columns, rows.T, strict=True))
+    column = columns_of(records, plant, [r.output.alpha @ r.output.mu + r.output.beta for r in records])
     for name in records[0].output.quantities:
         np.testing.assert_array_equal(column[f"true_{name}"], column[f"estimated_{name}"])
     assert np.isfinite(column["true_V"]).mean() > 0.9

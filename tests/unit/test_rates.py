@@ -7,7 +7,6 @@ import pytest
 from pydantic import ValidationError
 from rabbit_common.ros.conversions import header
 from rabbit_description.gait import load_gaits
-from rabbit_description.state import RobotState
 from rabbit_estimator.parameters import EstimatorParameters
 from rabbit_experiments.assembly import Assembly
 from rabbit_sim.actuation import Actuation
@@ -23,10 +22,6 @@ from walked import walked
 
 TICKS = (0.01, 0.005, 0.002, 0.001)  # s
 FAST = ControllerParameters(controller="rl-cbf-clf-qp", tick_seconds=0.005)
-
-
-def state(q: Any, dq: Any) -> RobotState:
-    return RobotState(0, np.array(q), np.array(dq), np.zeros((2, 2)), np.zeros(2, dtype=bool), 0, None)
 
 
 @pytest.mark.parametrize("model", [SimulationParameters, ControllerParameters, TrainingParameters, EstimatorParameters])
