@@ -1,24 +1,40 @@
-"""The policy file: what is read back, which controller it fits, a policy within the step."""
+"""The policy file: what is read back, which controller it fits, on both terrains; a policy within the step."""
 
 from typing import Any
 
 import numpy as np
 import pytest
-from rabbit_description.gait import load_gaits
+from rabbit_description.gait import load_gait, load_gaits
 from rabbit_description.state import Array
-from rabbit_experiments.assembly import make_simulation
+from rabbit_experiments.assembly import Assembly, make_simulation
 from rabbit_sim.batch_simulation import BatchSimulation
 from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.simulation import Outcome
 from rl_cbf_clf_controller.batch_controller import BatchController
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.fitted_policy import fitted
 from rl_cbf_clf_controller.parameters import ControllerParameters, load_parameters
-from rl_cbf_clf_controller.policy import estimate_function
+from rl_cbf_clf_controller.policy import STONE_WIDTH, ActorPolicy, estimate_function
 from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.residual_policy import READS, SCALE, ResidualActor, ResidualPolicy
-from rl_cbf_clf_controller.uncertainty import PAPER, RL_CBF_CLF_QP
-from rl_cbf_clf_controller.weights import PROBE, RESIDUAL_READS, PolicyFile, PolicyFileError, decode
+from rl_cbf_clf_controller.uncertainty import IO_RL_CLF_QP, PAPER, RL_CBF_CLF_QP, RL_CLF_QP
+from rl_cbf_clf_controller.weights import (
+    PROBE,
+    RESIDUAL_READS,
+    PolicyFile,
+    PolicyFileError,
+    PolicyMetadata,
+    decode,
+    policy_path,
+    read,
+)
 from untrained_policy import policy_file, policy_metadata
+from walked import walked
+
+
+def random_file(about: PolicyMetadata) -> PolicyFile:
+    """With random weights."""
+    return policy_file(about, np.random.default_rng(0).standard_normal)
 
 
 def make_file(problem: Problem = RL_CBF_CLF_QP, structured: bool = True, **changes: Any) -> PolicyFile:
@@ -36,7 +52,7 @@ def make_file(problem: Problem = RL_CBF_CLF_QP, structured: bool = True, **chang
         "commit": "0" * 40,
         "command": "rabbit train",
     }
-    return policy_file(policy_metadata(problem, **values | changes), np.random.default_rng(0).standard_normal)
+    return random_file(policy_metadata(problem, **values | changes))
 
 
 @pytest.mark.parametrize("problem", PAPER)
@@ -77,7 +93,56 @@ def test_structured_row_is_LgV_times_the_matrix() -> None:
     np.testing.assert_allclose(estimates.output_error, np.column_stack([2 * D2, 3 * D1]))
 
 
-HIDDEN = 8
+GAIT = load_gait("stones_0350_084")
+STONES = ControllerParameters(controller="rl-cbf-clf-qp")
+FLAT = ControllerParameters(controller="rl-clf-qp")
+
+
+def fit(problem: Problem, observations: int = -1, adaptation: str | None = None) -> PolicyFile:
+    """A file that reads the problem's `observations`-th set, the whole by default."""
+    observation = problem.observations[observations]
+    return random_file(policy_metadata(problem, observation=observation, hidden=(8, 8), adaptation=adaptation))
+
+
+@pytest.mark.parametrize("controller", ["io-rl-clf-qp", "rl-clf-qp", "rl-cbf-clf-qp"])
+def test_a_policy_fits_the_controller_of_its_problem(controller: str) -> None:
+    parameters = ControllerParameters.model_validate({"controller": controller})
+    assert isinstance(fitted(fit(parameters.problem, 0), parameters, GAIT), ActorPolicy)
+
+
+def test_on_flat_ground_a_policy_for_stones_sees_the_stone_under_the_gaits_own_step() -> None:
+    file, rng = fit(RL_CBF_CLF_QP), np.random.default_rng(5)
+    state, LgV = rng.standard_normal(14), rng.standard_normal(4)
+    l_min = GAIT.step_length - STONE_WIDTH / 2
+    on_stones = ActorPolicy(file).act(np.append(state, [l_min, GAIT.step_length]), LgV)
+    flat = fitted(file, FLAT, GAIT).act(state, LgV)
+    np.testing.assert_array_equal(flat.alpha, on_stones.alpha[:1])
+    np.testing.assert_array_equal(flat.beta, on_stones.beta[:1])
+    assert flat.output_error is not None
+    np.testing.assert_array_equal(flat.output_error, on_stones.output_error)
+
+
+@pytest.mark.parametrize(
+    ("file", "parameters", "text"),
+    [
+        (fit(RL_CLF_QP), STONES, "trained for rl-clf-qp; this controller needs rl-cbf-clf-qp"),
+        (fit(IO_RL_CLF_QP), FLAT, "trained for io-rl-clf-qp; this controller needs rl-clf-qp"),
+        (fit(RL_CBF_CLF_QP), STONES, "reads step_length: expected a gait library, gait is stones"),
+        (fit(RL_CBF_CLF_QP, 0, "identification"), FLAT, "with adaptation identification; this controller has none"),
+    ],
+)
+def test_what_does_not_fit_is_refused(file: PolicyFile, parameters: ControllerParameters, text: str) -> None:
+    with pytest.raises(PolicyFileError, match=text):
+        fitted(file, parameters, GAIT)
+
+
+@pytest.mark.parametrize("own", [FLAT, STONES], ids=lambda own: own.terrain)
+def test_one_file_walks_on_both_terrains(own: ControllerParameters) -> None:
+    """The paper's policy for stones, on a robot of twice the mass."""
+    plant = SimulationParameters.model_validate({"terrain": own.terrain, "mass_scale": 2.0, "stones": 3})
+    records, simulation = walked(Assembly(plant, own, str(policy_path("rl-cbf-clf-qp"))), 7001)
+    assert simulation.outcome is Outcome.WALKED
+    assert {record.output.policy_version for record in records} == {read(policy_path("rl-cbf-clf-qp")).version}
 
 
 def parameters(terrain: str = "stones") -> ControllerParameters:
@@ -90,13 +155,9 @@ def plant(terrain: str = "stones", **values) -> SimulationParameters:
 
 
 def residual_file() -> PolicyFile:
-    own = {"observation": RESIDUAL_READS, "hidden": (HIDDEN, HIDDEN), "structured": False, "residual": True}
-    own |= {
-        "observation_center": (0.0,) * READS,
-        "observation_scale": (1.0,) * READS,
-        "alpha_scale": (),
-        "beta_scale": (),
-    }
+    own = {"observation": RESIDUAL_READS, "hidden": (8, 8), "structured": False, "residual": True}
+    own |= {"observation_center": (0.0,) * READS, "observation_scale": (1.0,) * READS}
+    own |= {"alpha_scale": (), "beta_scale": ()}
     about, rng = policy_metadata(RL_CBF_CLF_QP, **own, adaptation="identification"), np.random.default_rng(5)
     return policy_file(about, lambda shape: 0.3 * rng.standard_normal(shape) * (len(shape) > 1))  # no biases
 
