@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 from rabbit_bringup.cli import app
 from typer.testing import CliRunner, Result
@@ -10,10 +11,10 @@ from typer.testing import CliRunner, Result
 RABBIT = (sys.executable, "-c", "from rabbit_bringup.cli import app; app()")
 
 
-def rabbit(*words: object, timeout: float = 400.0, **environment: str) -> subprocess.CompletedProcess[str]:
+def rabbit(*words: object, cwd: Path | None = None, **environment: str) -> subprocess.CompletedProcess[str]:
     """In a process of its own, until it has ended."""
-    known = {**os.environ, **environment}
-    return subprocess.run([*RABBIT, *map(str, words)], capture_output=True, text=True, timeout=timeout, env=known)
+    own = {"env": {**os.environ, **environment}, "cwd": cwd}
+    return subprocess.run([*RABBIT, *map(str, words)], capture_output=True, text=True, timeout=400, **own)
 
 
 def invoke(*words: object) -> Result:

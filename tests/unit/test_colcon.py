@@ -53,9 +53,8 @@ def test_a_copy_of_the_sources_walks_with_all_nodes(walking: Path) -> None:
 @pytest.mark.timeout(900)
 def test_colcon_test_runs_a_packages_tests(walking: Path) -> None:
     colcon = f"python {shutil.which('colcon')}"
-    tested = (
-        f"{colcon} test --packages-select cbf_clf_qp --pytest-args ' -k test_estimates'; {colcon} test-result --all"
-    )
+    tested = f"{colcon} test --packages-select cbf_clf_qp --pytest-args ' -k test_estimates'"
+    tested += f"; {colcon} test-result --all"
     said = in_shell(f"source install/setup.bash; {tested}", walking).stdout
     assert re.search(r"Summary: [1-9]\d* tests, 0 errors, 0 failures", said), said
 
@@ -80,15 +79,11 @@ print(root.__file__, *sys.modules)
 """
 
 
-def rosdep_keys(package: str) -> set[str]:
-    """What the package's package.xml declares to be needed at run time."""
-    return {tag.text or "" for tag in ElementTree.parse(SOURCES / package / "package.xml").iter("exec_depend")}
-
-
 def ros_dependencies(package: str) -> set[str]:
-    """The packages of ROS among them."""
-    libraries = {key for key in rosdep_keys(package) if key.startswith("python3-") or key.endswith("-pip")}
-    return rosdep_keys(package) - set(PACKAGES) - libraries - {"pinocchio"}  # ROS packages this library too
+    """The packages of ROS that its package.xml declares to be needed at run time."""
+    keys = {tag.text or "" for tag in ElementTree.parse(SOURCES / package / "package.xml").iter("exec_depend")}
+    libraries = {key for key in keys if key.startswith("python3-") or key.endswith("-pip")}
+    return keys - set(PACKAGES) - libraries - {"pinocchio"}  # ROS packages this library too
 
 
 @pytest.fixture(scope="session")

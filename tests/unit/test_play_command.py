@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterator
 
 import pytest
 from page_client import PageClient
-from rabbit_command import invoke
 from served import Served
 
 ALONE = ("--second", "none", "--stones", "4", "--seed", "2")
@@ -21,12 +20,6 @@ def client() -> Iterator[Callable[..., PageClient]]:
 
     yield start
     assert [process.end() for process in served] == [0]
-
-
-def test_a_course_that_is_not_there_is_refused_before_the_page_has_an_address() -> None:
-    result = invoke("play", "--no-browser", "--course", "nosuch.yaml")
-    assert (result.exit_code, result.stdout) == (2, "")
-    assert "course nosuch.yaml" in result.stderr
 
 
 def test_a_browsers_wish_is_done(client: Callable[..., PageClient]) -> None:

@@ -8,16 +8,15 @@ import sys
 from pathlib import Path
 
 import pytest
+import rabbit_command
 from own_cart import CART
 from rabbit_benchmark.table import Table
-from rabbit_bringup.cli import app as rabbit_app
 from rabbit_description.task import TaskError
 from rabbit_description.task_source import load_task
 from rl_cbf_clf_controller.task_controller import TaskController
 from rl_cbf_clf_controller.weights import read
 from rl_trainer.task_episode import ride_of
 from rl_trainer.task_training import train
-from typer.testing import CliRunner
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 MODULE = """
@@ -72,9 +71,8 @@ def install(folder: Path, name: str = "other_package", entries: str = ENTRY_POIN
 
 def rabbit(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
     """The command, in a process of its own in `folder`, with `folder` on the path."""
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join((str(folder), os.environ.get("PYTHONPATH", "")))}
-    command = [sys.executable, "-c", "from rabbit_bringup.cli import app; app()", *words]
-    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=300)
+    path = os.pathsep.join((str(folder), os.environ.get("PYTHONPATH", "")))
+    return rabbit_command.rabbit(*words, cwd=folder, PYTHONPATH=path)
 
 
 def test_another_packages_plant_is_walked_on(tmp_path: Path) -> None:
@@ -150,9 +148,8 @@ def test_an_error_in_a_task_names_file_and_line(tmp_path: Path, old: str, new: s
     assert str(path) in str(error.value)
     assert said in str(error.value)
     assert "\n" not in str(error.value)
-    result = CliRunner().invoke(rabbit_app, ["evaluate", "--task", str(path), "--rides", "1"])
-    assert result.exit_code == 2
-    assert result.output.count("\n") == 1
+    result = rabbit_command.invoke("evaluate", "--task", path, "--rides", 1)
+    assert (result.exit_code, result.output.count("\n")) == (2, 1)
     assert said.rstrip("`") in result.output
 
 
@@ -175,13 +172,12 @@ def test_a_barrier_of_degree_4_is_kept_by_the_oracle_and_nothing_is_learned_of_i
 
 
 def test_task_is_an_option_of_what_evaluates_rabbit_too(tmp_path: Path) -> None:
-    words = ["--runs", "1", "--seed", "3", "--out"]
-    ways = {"option": ["evaluate", *words, str(tmp_path / "option"), "--task", str(BALL)]}
-    ways["equals"] = ["evaluate", f"--task={BALL}", *words, str(tmp_path / "equals")]
-    for way in ways.values():
-        result = CliRunner().invoke(rabbit_app, way)
+    tables = set()
+    for way in (["--task", BALL], [f"--task={BALL}"]):
+        out = tmp_path / str(len(way))
+        result = rabbit_command.invoke("evaluate", *way, "--runs", 1, "--seed", 3, "--out", out)
         assert result.exit_code == 0, result.output
-    tables = {(tmp_path / name / "runs.csv").read_text() for name in ways}
+        tables.add((out / "runs.csv").read_text())
     assert len(tables) == 1
-    missing = CliRunner().invoke(rabbit_app, ["evaluate", "--task"])
+    missing = rabbit_command.invoke("evaluate", "--task")
     assert (missing.exit_code, "--task" in missing.output) == (2, True)
