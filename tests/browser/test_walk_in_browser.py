@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from built_walk_page import build
-from chromium import Chromium, Page
+from chromium import Chromium
 
 WALKS = "rabbit.state.pictures > 5 && rabbit.controls.state"
 MOST_BYTES = 5_000_000  # of all that the page asks for, compressed
@@ -36,18 +36,12 @@ def address(site: Path) -> Iterator[str]:
         server.shutdown()
 
 
-def settings(page: Page) -> dict[str, object]:
-    """As the page has them."""
-    return dict(page.look("rabbit.controls.state.settings"))
-
-
 def test_it_walks_without_a_network(chromium: Chromium, site: Path, address: str) -> None:
     page = chromium.open(address)
     page.wait("rabbit.state.pictures > 0")
     first = page.look("performance.now()")  # since it was asked for
     page.wait(WALKS)
-    offline = {"offline": True, "latency": 0, "downloadThroughput": 0, "uploadThroughput": 0}
-    page.call("Network.emulateNetworkConditions", **offline)
+    page.go_offline()
     asked = len(page.requests)
     script = "[performance.now(), rabbit.state.pictures, rabbit.source.player.ticks]"
     start = page.look(script)

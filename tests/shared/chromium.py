@@ -25,6 +25,7 @@ OPTIONS = (
     *("--disable-background-networking", "--disable-component-update", "--disable-sync", "--disable-default-apps"),
 )
 PATIENCE = 180.0  # s, a guard against hangs
+SIZE = {"width": 1280, "height": 800}  # of a window, pixels
 
 
 def find_chromium() -> str | None:
@@ -53,19 +54,17 @@ class Chromium:
         self._process.terminate()
         self._process.wait(timeout=30)
 
-    def open(
-        self, address: str, width: int = 1280, height: int = 800, dark: bool = False, offline: bool = False
-    ) -> "Page":
+    def open(self, address: str, offline: bool = False) -> "Page":
         """A new page at `address`, with the network off if `offline`."""
         address_of = f"http://127.0.0.1:{self._port}/json"
         with urlopen(f"{address_of}/version") as answer:
             browser = json.load(answer)["webSocketDebuggerUrl"]
         with attach(browser) as socket:  # a window of its own, since what is hidden is not drawn
-            wish = {"url": "about:blank", "newWindow": True, "width": width, "height": height}
+            wish = {"url": "about:blank", "newWindow": True, **SIZE}
             socket.send(json.dumps({"id": 1, "method": "Target.createTarget", "params": wish}))
             target = json.loads(socket.recv(timeout=PATIENCE))["result"]["targetId"]
         socket = self._windows.enter_context(attach(f"ws://127.0.0.1:{self._port}/devtools/page/{target}"))
-        page = Page(socket, address, width, height, dark, offline)
+        page = Page(socket, address, offline)
         self._windows.callback(page.close)
         return page
 
@@ -77,33 +76,29 @@ class Chromium:
 class Page:
     """`requests`: addresses of all that it asked for; `errors`: what went wrong in its scripts."""
 
-    def __init__(
-        self, socket: ClientConnection, address: str, width: int, height: int, dark: bool, offline: bool
-    ) -> None:
+    def __init__(self, socket: ClientConnection, address: str, offline: bool) -> None:
         self._socket = socket
         self._numbers = itertools.count(1)
         self.requests: list[str] = []
         self.errors: list[str] = []
         for domain in ("Page", "Network", "Runtime"):
             self.call(f"{domain}.enable")
-        self.resize(width, height)
+        self.call("Emulation.setDeviceMetricsOverride", **SIZE, deviceScaleFactor=1, mobile=False)
         self.call("Emulation.setFocusEmulationEnabled", enabled=True)
-        look = [{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}]
+        look = [{"name": "prefers-color-scheme", "value": "light"}]
         self.call("Emulation.setEmulatedMedia", features=look)
         if offline:
-            self.call(
-                "Network.emulateNetworkConditions",
-                **{"offline": True, "latency": 0, "downloadThroughput": 0, "uploadThroughput": 0},
-            )
+            self.go_offline()
         self.call("Page.navigate", url=address)
+
+    def go_offline(self) -> None:
+        """No network from now on."""
+        none = {"offline": True, "latency": 0, "downloadThroughput": 0, "uploadThroughput": 0}
+        self.call("Network.emulateNetworkConditions", **none)
 
     def close(self) -> None:
         """Its window."""
         self.call("Page.close")
-
-    def resize(self, width: int, height: int) -> None:
-        """Of the window, in pixels."""
-        self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
 
     def call(self, method: str, **parameters: Any) -> Any:
         """A command of the protocol; its result."""
@@ -137,7 +132,8 @@ class Page:
 
     def click(self, selector: str) -> None:
         """The middle of an element, with the mouse."""
-        x, y = self._middle(selector)
+        box = self._box(selector)
+        x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
         for kind in ("mousePressed", "mouseReleased"):
             self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
 
@@ -162,10 +158,6 @@ class Page:
         """An option of a list, as a person's choice."""
         set_value = f"s.value = {json.dumps(value)}; s.dispatchEvent(new Event('change'))"
         self.look(f"(s => {{ {set_value} }})({element(selector)})")
-
-    def _middle(self, selector: str) -> tuple[float, float]:
-        box = self._box(selector)
-        return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
 
     def _box(self, selector: str) -> dict[str, float]:
         self.look(f"{element(selector)}.scrollIntoView({{block: 'center'}})")

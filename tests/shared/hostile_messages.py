@@ -12,20 +12,8 @@ HEADER = 4  # bytes before a message's own
 LONGEST = 40  # of a sequence
 FLOATS = (0.0, -0.0, 1.0, -1.0, 0.01, 1e-320, 1e9, -1e154, 1e154, 1.7e308, -1.7e308, np.nan, np.inf, -np.inf)
 WORDS = (
-    "",
-    "zero",
-    "/",
-    "nope",
-    "a" * 128,
-    "x" * 4000,
-    "\n",
-    "%s{}",
-    "é",
-    "\x00",
-    "controller",
-    "sigma",
-    "pace",
-    "/simulator",
+    *("", "zero", "/", "nope", "a" * 128, "x" * 4000, "\n", "%s{}", "é", "\x00"),
+    *("controller", "sigma", "pace", "/simulator"),
 )
 SEQUENCES = {"float": np.float32, "double": np.float64}
 

@@ -3,12 +3,13 @@
 import re
 import signal
 import subprocess
+from typing import Self
 
 from rabbit_command import RABBIT
 
 
 class Served:
-    """`address`: of its page."""
+    """A context manager, which ends it by Ctrl-C; `address`: of its page."""
 
     def __init__(self, *words: str) -> None:
         command = [*RABBIT, *words, "--no-browser", "--port", "0"]
@@ -16,8 +17,10 @@ class Served:
         assert self._process.stdout
         self.address = re.findall(r"http://[\d.:]+", self._process.stdout.readline())[0]
 
-    def end(self) -> int:
-        """By Ctrl-C; the exit code."""
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
         self._process.send_signal(signal.SIGINT)
         self._process.communicate(timeout=180)
-        return self._process.returncode
+        assert self._process.returncode == 0

@@ -45,34 +45,23 @@ def blocks(page: Path) -> list[tuple[str, str]]:
     return BLOCK.findall(page.read_text(encoding="utf-8"))
 
 
-def environment(folder: Path) -> dict[str, str]:
-    """What is installed in `folder` is found."""
-    return {**os.environ, "PYTHONPATH": os.pathsep.join([str(folder / "site"), os.environ.get("PYTHONPATH", "")])}
-
-
-def type_in(page: str, folder: Path, shorter: Mapping[str, str], timeout: float = 900) -> str:
+def type_in(page: str, folder: Path, shorter: Mapping[str, str]) -> str:
     """What the page's blocks print; `shorter`: words by the beginning of a command, the first one counts.
 
     Raises: AssertionError: a block ends otherwise than well.
     """
-    if not (folder / "examples").exists():
-        (folder / "examples").mkdir()
-        for path in (ROOT / "examples").glob("*.*"):
-            (folder / "examples" / path.name).write_bytes(path.read_bytes())
-        (folder / "ros2_ws").symlink_to(ROOT / "ros2_ws")
+    (folder / "examples").mkdir()
+    for path in (ROOT / "examples").glob("*.*"):
+        (folder / "examples" / path.name).write_bytes(path.read_bytes())
+    (folder / "ros2_ws").symlink_to(ROOT / "ros2_ws")
     cases = "\n".join(f"  {shlex.quote(words)}*) echo {more} ;;" for words, more in shorter.items())
     typed = [
         text if language == "bash" else f"python - <<'END_OF_BLOCK'\n{text}END_OF_BLOCK\n"
         for language, text in blocks(ROOT / page)
     ]
-    done = subprocess.run(
-        ["bash", "-c", "\n".join([SHELL % cases, *typed])],
-        cwd=folder,
-        env=environment(folder),
-        capture_output=True,
-        text=True,
-        timeout=timeout,
-        check=False,
-    )
+    command = ["bash", "-c", "\n".join([SHELL % cases, *typed])]
+    path = os.pathsep.join([str(folder / "site"), os.environ.get("PYTHONPATH", "")])  # what is installed there is found
+    own = {"cwd": folder, "env": {**os.environ, "PYTHONPATH": path}, "timeout": 900}
+    done = subprocess.run(command, **own, capture_output=True, text=True, check=False)
     assert done.returncode == 0, f"{page}: {done.stdout[-2000:]}{done.stderr[-4000:]}"
     return done.stdout

@@ -1,6 +1,7 @@
 """`rabbit play` as a process: what a browser wishes is done, and what is learned beside the walk walks."""
 
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 
 import pytest
 from page_client import PageClient
@@ -12,14 +13,8 @@ ALONE = ("--second", "none", "--stones", "4", "--seed", "2")
 @pytest.fixture
 def client() -> Iterator[Callable[..., PageClient]]:
     """Plays under these options and looks; the command ends well."""
-    served: list[Served] = []
-
-    def start(*words: str) -> PageClient:
-        served.append(Served("play", *ALONE, *words))
-        return PageClient(served[-1].address)
-
-    yield start
-    assert [process.end() for process in served] == [0]
+    with ExitStack() as stack:
+        yield lambda *words: PageClient(stack.enter_context(Served("play", *ALONE, *words)).address)
 
 
 def test_a_browsers_wish_is_done(client: Callable[..., PageClient]) -> None:
