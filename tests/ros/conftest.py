@@ -4,6 +4,7 @@ import os
 import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -86,6 +87,14 @@ class World:
     def statuses(self, node: str) -> list[Any]:
         """What a node has said of itself."""
         return [s for m in self.hear("diagnostics") for s in m.status if s.name.endswith(f"/{node}")]
+
+    def told(self, node: str) -> dict[str, str]:
+        """The newest figures in a node's diagnostics, by name; none before the first."""
+        return {figure.key: str(figure.value) for said in self.statuses(node)[-1:] for figure in said.values}
+
+    def refused(self, node: str) -> dict[str, int]:
+        """How many messages a node says that it has refused, by the reason."""
+        return {key: int(value) for key, value in self.told(node).items() if key.startswith("refused")}
 
     def log(self, name: str) -> str:
         """What a node has logged so far."""
@@ -170,6 +179,23 @@ class World:
         self._executor.shutdown()
         self.node.destroy_node()
         rclpy.try_shutdown(context=self._context)
+
+
+@contextmanager
+def in_process(make: Callable[[], Any], *words: str) -> Iterator[Any]:
+    """A node of this process under these ROS arguments; it is gone afterwards, also after a failed test."""
+    import rclpy
+    from rclpy.signals import SignalHandlerOptions
+
+    rclpy.init(args=["--ros-args", *words, "--log-level", "fatal"], signal_handler_options=SignalHandlerOptions.NO)
+    node = make()
+    try:
+        yield node
+    finally:
+        if hasattr(node, "close"):
+            node.close()
+        node.destroy_node()
+        rclpy.try_shutdown()
 
 
 @pytest.fixture

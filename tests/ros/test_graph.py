@@ -3,7 +3,6 @@
 import itertools
 import math
 import resource
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -84,23 +83,18 @@ def test_reset_ends_the_running_episode(world: Any) -> None:
     assert (episodes[-1].seed, episodes[-1].phase) == (4, Episode.RUNNING)
 
 
-def refusals(diagnostics: list[Any]) -> dict[str, int]:
-    """What a node says it has refused."""
-    return {v.key: int(v.value) for m in diagnostics for v in m.status[0].values if v.key.startswith("refused")}
-
-
 def test_wrong_messages_are_refused_counted_and_told(world: Any) -> None:
-    states, episodes, diagnostics = world.hear("state"), world.hear("episode"), world.hear("diagnostics")
+    states, episodes = world.hear("state"), world.hear("episode")
     world.start("simulator", answer_timeout=4.0, start_paused=False, **SHORT)
     world.say("torque", TorqueCommand())  # the test plays the controller; this one is for no episode at all
     world.wait(lambda: bool(states))
     for episode, tick, value in ((7, 0, 0.0), (1, 1, 0.0), (1, 0, math.nan), (1, 0, math.inf)):
         world.say("torque", TorqueCommand(episode=episode, tick=tick, torque=[value] * 4))
-    world.wait(lambda: sum(refusals(diagnostics).values()) == 5)
-    counts = refusals(diagnostics)
+    world.wait(lambda: sum(world.refused("simulator").values()) == 5)
+    counts = world.refused("simulator")
     assert counts["refused torque: wrong episode"] + counts.get("refused torque: not awaited", 0) == 2
     assert (counts["refused torque: wrong tick"], counts["refused torque: not finite"]) == (1, 2)
-    assert any("refused" in m.status[0].message for m in diagnostics)
+    assert any("refused" in status.message for status in world.statuses("simulator"))
     world.say("torque", TorqueCommand(episode=1, tick=0, torque=[0.0] * 4))
     world.wait(lambda: states[-1].tick == 1)
     world.ended()
@@ -111,14 +105,13 @@ def test_wrong_messages_are_refused_counted_and_told(world: Any) -> None:
 def test_a_message_of_any_size_leaves_no_memory_taken(world: Any) -> None:
     """The largest that a stranger sends is refused unread, and its memory given back."""
     world.start("controller")
-    refused = partial(refusals, world.hear("diagnostics"))
     world.say("episode", Episode())
-    world.wait(lambda: bool(world.hear("diagnostics")))
+    world.wait(lambda: bool(world.statuses("controller")))
     before = resident_bytes(world.processes.pid("controller"))
     size = 50_000_000
     world.say("episode", Episode(reason="x" * size))
     world.say("policy", PolicyWeights(data=bytes(size)))
-    world.wait(lambda: {"refused episode: too large", "refused policy: not fit"} <= set(refused()))
+    world.wait(lambda: {"refused episode: too large", "refused policy: not fit"} <= world.refused("controller").keys())
     world.wait(lambda: resident_bytes(world.processes.pid("controller")) < before + size / 4)
 
 

@@ -16,8 +16,9 @@ from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
 from rclpy.experimental import EventsExecutor
 from rclpy.serialization import serialize_message
-from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import SetBool
+
+from .conftest import in_process
 
 UNKNOWN = Parameter(name="number", value=ParameterValue(type=77))  # a type that ROS has not
 NUMBER = Parameter(name="number", value=ParameterValue(type=2, integer_value=5))
@@ -49,11 +50,8 @@ class Careless(CheckedNode):
 @pytest.fixture
 def node() -> Iterator[Careless]:
     """One in this process."""
-    rclpy.init(args=["--ros-args", "--log-level", "fatal"], signal_handler_options=SignalHandlerOptions.NO)
-    node = Careless()
-    yield node
-    node.destroy_node()
-    rclpy.try_shutdown()
+    with in_process(Careless) as node:
+        yield node
 
 
 @pytest.fixture

@@ -5,7 +5,6 @@ import signal
 import socket
 import struct
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import closing
@@ -13,6 +12,7 @@ from pathlib import Path
 
 import pytest
 import rclpy
+from rabbit_command import rabbit
 from rabbit_common.ros.namespace_check import hold_name
 from rclpy.context import Context
 from rclpy.node import Node
@@ -94,15 +94,12 @@ def test_a_wider_range_is_bound_to_all_addresses(onlooker: Node, tmp_path: Path)
     assert "0.0.0.0" in addresses(["simulator"], {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}, onlooker, tmp_path)
 
 
-RABBIT = (sys.executable, "-c", "from rabbit_bringup.cli import app; app()")
 RECORDER = ("run", "rabbit_recording", "recorder")
 
 
-def last_line(*words: str, **environment: str | None) -> tuple[int, str]:
-    """Exit code and last line of a command; an environment's name with None is left out."""
-    merged = {**os.environ, **environment}
-    kept = {name: value for name, value in merged.items() if value is not None}
-    done = subprocess.run([*RABBIT, *words], capture_output=True, text=True, timeout=180, check=False, env=kept)
+def last_line(*words: str, **environment: str) -> tuple[int, str]:
+    """Exit code and last line of a command."""
+    done = rabbit(*words, **environment)
     assert "Traceback" not in done.stderr, done.stderr
     return done.returncode, done.stderr.splitlines()[-1]
 
@@ -119,9 +116,7 @@ def last_line(*words: str, **environment: str | None) -> tuple[int, str]:
 )
 def test_a_node_refuses_a_wrong_argument_in_one_line(words: tuple[str, ...], said: str) -> None:
     code, line = last_line(*RECORDER, "--ros-args", *words)
-    assert code == 2
-    assert line.startswith("error: ")
-    assert said in line
+    assert (code, line.startswith("error: "), said in line) == (2, True, True), line
     assert "/src/" not in line  # where in ROS's sources
 
 

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import rclpy
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from rabbit_command import rabbit
@@ -17,7 +16,6 @@ from rabbit_description.task_simulation import TaskSimulation
 from rabbit_description.task_source import load_task
 from rabbit_msgs import msg
 from rclpy.qos import qos_profile_sensor_data
-from rclpy.signals import SignalHandlerOptions
 from rl_cbf_clf_controller.ros.robot_controller import RobotControllerNode
 from rl_cbf_clf_controller.task_controller import NOMINAL, TaskController
 from rl_cbf_clf_controller.weights import PolicyFile, read
@@ -27,6 +25,8 @@ from rl_trainer.task_training import train
 from std_msgs.msg import Float64MultiArray, Header
 from std_srvs.srv import SetBool
 from untrained_policy import policy_file, policy_metadata
+
+from .conftest import in_process
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 SEED = 3
@@ -154,10 +154,8 @@ def test_a_rover_is_filtered_from_odometry_to_twist_and_stops_where_states_fall_
 def test_nothing_is_measured_over_a_pause(tmp_path: Path) -> None:
     """In which the robot may have been carried anywhere."""
     (tmp_path / "rover.py").write_text(ROVER)
-    words = ["-p", f"task:={tmp_path / 'rover.py'}", "-p", "stale:=10.0", "--log-level", "fatal"]
-    rclpy.init(args=["--ros-args", *words], signal_handler_options=SignalHandlerOptions.NO)
-    node, measured = RobotControllerNode(), list[bool]()
-    try:
+    measured = list[bool]()
+    with in_process(RobotControllerNode, "-p", f"task:={tmp_path / 'rover.py'}", "-p", "stale:=10.0") as node:
         node._take(Header(), np.zeros(3), np.zeros(3))
         for place in (0.0, 0.5):
             for is_paused in (True, False):
@@ -165,10 +163,6 @@ def test_nothing_is_measured_over_a_pause(tmp_path: Path) -> None:
             for _ in range(2):
                 node._take(Header(), np.array([place, 0.0, 0.0]), np.zeros(3))
                 measured.append(bool(np.isfinite(node._answerer.controller.output().measured).all()))
-    finally:
-        node.close()
-        node.destroy_node()
-        rclpy.try_shutdown()
     assert measured == [False, True, False, True]
 
 

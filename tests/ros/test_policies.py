@@ -180,17 +180,11 @@ def test_a_planned_policy_is_waited_for_whatever_others_publish_under_its_name(w
     assert {command.policy_version for command in commands} == {real.version}
 
 
-def diagnostic(world: Any, node: str, key: str) -> str:
-    """The newest value of a figure in a node's diagnostics; empty before the first."""
-    said = [s for m in world.hear("diagnostics") for s in m.status if s.name.endswith(node)]
-    return next((str(v.value) for v in said[-1].values if v.key == key), "") if said else ""
-
-
 def test_no_thread_of_a_controller_with_a_priority_is_ordinary(world: Any) -> None:
     """One that checks policies holds the interpreter's lock now and then; a busy machine must not keep it there."""
     world.start("controller", priority=20, **PARAMETERS.model_dump())
-    world.wait(lambda: bool(diagnostic(world, "controller", "scheduling")))
-    if diagnostic(world, "controller", "scheduling") == "ordinary":
+    world.wait(lambda: "scheduling" in world.told("controller"))
+    if world.told("controller")["scheduling"] == "ordinary":
         pytest.skip("this user may not take SCHED_FIFO")
     process = world.processes.pid("controller")
     threads = [int(thread.name) for thread in Path(f"/proc/{process}/task").iterdir()]

@@ -3,24 +3,23 @@
 import time
 from array import array
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-import rclpy
 from entrances import with_hash
 from mutations import mutated
 from rabbit_msgs.msg import PolicyWeights
 from rabbit_msgs.srv import LoadPolicy
 from rclpy.serialization import serialize_message
-from rclpy.signals import SignalHandlerOptions
 from rl_cbf_clf_controller.ros.node import ControllerNode
 from rl_cbf_clf_controller.ros.policies import Policies
 from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP
 from rl_cbf_clf_controller.weights import PolicyFile
 from untrained_policy import policy_file, policy_metadata
+
+from .conftest import in_process
 
 SEGWAY = Path(__file__).parents[2] / "examples" / "segway.py"
 HANGS = 60.0  # s: a guard, no bar
@@ -92,25 +91,11 @@ class Asked:
             time.sleep(0.0002)
 
 
-@contextmanager
-def controller(kind: type[Any], *parameters: str) -> Iterator[Asked]:
-    """The policies of a controller in this process."""
-    words = [word for parameter in parameters for word in ("-p", parameter)]
-    rclpy.init(args=["--ros-args", *words, "--log-level", "fatal"], signal_handler_options=SignalHandlerOptions.NO)
-    node = kind()
-    try:
-        yield Asked(node._policies)
-    finally:
-        node.close()
-        node.destroy_node()
-        rclpy.try_shutdown()
-
-
 @pytest.fixture
 def asked() -> Iterator[Asked]:
-    """Of RABBIT's controller."""
-    with controller(ControllerNode, "controller:=rl-cbf-clf-qp") as asked:
-        yield asked
+    """Of RABBIT's controller, in this process."""
+    with in_process(ControllerNode, "-p", "controller:=rl-cbf-clf-qp") as node:
+        yield Asked(node._policies)
 
 
 def test_whatever_a_check_raises_is_the_reason_of_a_refusal(asked: Asked, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -157,7 +142,8 @@ def test_zero_is_loaded_by_its_name(asked: Asked) -> None:
 
 def test_a_task_goes_back_to_nominal() -> None:
     """And to any other of its controllers that needs no file."""
-    with controller(ControllerNode, f"task:={SEGWAY}") as asked:
+    with in_process(ControllerNode, "-p", f"task:={SEGWAY}") as node:
+        asked = Asked(node._policies)
         for named, version in (("oracle", "oracle"), ("zero", "nominal"), ("oracle", "oracle"), ("nominal", "nominal")):
             answer = asked.load(named)
             assert (answer.success, answer.version) == (True, version)

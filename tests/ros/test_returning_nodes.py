@@ -74,8 +74,7 @@ def test_a_recorder_that_was_stopped_catches_up_each_time(make_world: Any) -> No
     world.go()
 
     def recorded() -> tuple[int, int]:
-        said = world.statuses("recorder")[-1]
-        episode, tick = next(v.value for v in said.values if v.key == "episode, tick").split()
+        episode, tick = world.told("recorder")["episode, tick"].split()
         return int(episode), int(tick)
 
     for _ in range(STOPS):

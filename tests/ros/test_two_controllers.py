@@ -135,11 +135,6 @@ def start_second(world: Any, name: str = "second", kind: str = "simulator", pack
     world.wait(lambda: "another simulator plays" in world.log(name))
 
 
-def refusals(world: Any, node: str) -> list[str]:
-    """What a node says that it refused."""
-    return [v.key for status in world.statuses(node) for v in status.values if v.key.startswith("refused")]
-
-
 def test_the_first_one_walks_on_and_the_second_one_plays_nothing(make_world: Any) -> None:
     alone, world = make_world("alone"), make_world("two")
     for graph in (alone, world):
@@ -163,7 +158,7 @@ def test_the_first_one_walks_on_and_the_second_one_plays_nothing(make_world: Any
     assert f"{first} began first; this is {second}" in world.log("second")
     assert f"{second} is refused; {first} is followed" in world.log("simulator")
     assert f"another simulator: {second}; {first} is followed" in world.log("controller")
-    world.wait(lambda: "refused episode: another simulator" in refusals(world, "controller"))
+    world.wait(lambda: "refused episode: another simulator" in world.refused("controller"))
 
 
 @pytest.mark.parametrize("stopped", ["kill", "stop"])
@@ -193,7 +188,7 @@ def test_a_strangers_simulator_without_a_name_is_refused_and_ends_no_walk(world:
         world.say("episode", Episode(episode=phase, phase=phase))
     world.say("state", RobotState(episode=1, tick=0, q=[0.0] * 7, dq=[0.0] * 7, running=True))
     expected = {f"refused {topic}: another simulator" for topic in ("episode", "state")}
-    world.wait(lambda: expected <= set(refusals(world, "controller")))
+    world.wait(lambda: expected <= world.refused("controller").keys())
     world.ask(SetBool, "pause", data=False)
     assert world.ended().outcome == "walked"
 
