@@ -3,12 +3,11 @@
 import inspect
 import re
 import time
-from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-import pytest
 import yaml
 from rabbit_bringup.launching.walk import WalkOptions
 from rabbit_bringup.ros.walk_monitor import WalkMonitor
@@ -41,7 +40,7 @@ def test_no_node_hides_an_attribute_of_rclpy() -> None:
             assert ours & theirs <= set(re.findall(r"super\(\)\.(\w+)\(", text)), path
 
 
-POLICY = Path(__file__).parents[2] / "ros2_ws/src/rabbit_bringup/config/sros2_policy.xml"
+POLICY = BRINGUP / "config" / "sros2_policy.xml"
 NODES = ("simulator", "controller", "trainer", "recorder", "viewer")
 LAB = {"/measured", "/imu", "/true_state"}  # published with a lab's sensors, in place of `state`
 QUALIFIERS = {"topics": ("publish", "subscribe"), "services": ("reply", "request")}
@@ -87,31 +86,24 @@ def done(node: Any, name: str) -> Rights:
         return {}
 
 
-@pytest.fixture
-def graph(root_world: Any, tmp_path: Path) -> Iterator[Any]:
-    """Every node and the launcher, in the namespace that the policy is for."""
-    for name in NODES:
-        own = {"viewer": {"port": 0}, "recorder": {"path": str(tmp_path / "recording")}}
-        root_world.start(name, **own.get(name, {}))
-    watch = WalkMonitor(WalkOptions(), root_world.processes)
-    yield root_world
-    watch.close()
-
-
-def settled(graph: Any, node: str, wanted: Rights) -> Rights:
-    """What a node does, once it does what is wanted; or after all patience."""
+def assert_settles(graph: Any, node: str, wanted: Rights) -> None:
+    """That a node does just what is wanted, within all patience."""
     end = time.monotonic() + PATIENCE
     while (now := done(graph.node, node)) != wanted and time.monotonic() < end:
         graph.spin(0.2)
-    return now
+    assert now == wanted, node
 
 
-def test_every_node_does_just_what_its_enclave_allows(graph: Any) -> None:
-    policy = enclaves()
+def test_every_node_does_just_what_its_enclave_allows(root_world: Any, tmp_path: Path) -> None:
+    """And the launcher, in the namespace that the policy is for."""
+    policy, own = enclaves(), {"viewer": {"port": 0}, "recorder": {"path": str(tmp_path / "recording")}}
     policy["/rabbit/simulator"]["simulator"]["publish"] -= LAB
-    for enclave in (*NODES, "launcher"):
-        for node, rights in policy[f"/rabbit/{enclave}"].items():
-            assert settled(graph, node, rights) == rights, node
+    for name in NODES:
+        root_world.start(name, **own.get(name, {}))
+    with closing(WalkMonitor(WalkOptions(), root_world.processes)):
+        for enclave in (*NODES, "launcher"):
+            for node, rights in policy[f"/rabbit/{enclave}"].items():
+                assert_settles(root_world, node, rights)
 
 
 def test_with_a_labs_sensors_the_state_is_the_estimators(root_world: Any) -> None:
@@ -120,16 +112,14 @@ def test_with_a_labs_sensors_the_state_is_the_estimators(root_world: Any) -> Non
     root_world.start("simulator", sensors="lab")
     root_world.start("estimator")
     for node in ("simulator", "estimator"):
-        expected = rights[f"/rabbit/{node}"][node]
-        assert settled(root_world, node, expected) == expected, node
+        assert_settles(root_world, node, rights[f"/rabbit/{node}"][node])
 
 
 def test_ros2_control_in_the_simulators_place(root_world: Any) -> None:
     for name in ("ros2_control", "command_guard"):
         root_world.processes.start(name, (), name, "rabbit_bringup")
     for name in ("ros2_control", "command_guard"):
-        rights = enclaves()[f"/rabbit/{name}"][name]
-        assert settled(root_world, name, rights) == rights, name
+        assert_settles(root_world, name, enclaves()[f"/rabbit/{name}"][name])
 
 
 def test_a_viewer_that_may_control_calls_three_services_more(root_world: Any) -> None:
@@ -142,4 +132,4 @@ def test_a_viewer_that_may_control_calls_three_services_more(root_world: Any) ->
     root_world.start("controller")
     root_world.start("viewer", port=0, control=True)
     for node, rights in policy["/rabbit/viewer_control"].items():
-        assert settled(root_world, node, rights) == rights, node
+        assert_settles(root_world, node, rights)

@@ -28,7 +28,7 @@ from visualization_msgs.msg import MarkerArray
 from .conftest import make_package
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
-WALK = ("--terrain", "flat", "--stones", "3", "--ready-timeout", "180")
+WALK = ("--terrain", "flat", "--stones", 3, "--ready-timeout", 180)
 
 
 @contextmanager
@@ -42,35 +42,43 @@ def example(name: str, *words: str) -> Iterator[subprocess.Popen[bytes]]:
         process.wait()
 
 
+def said_by(*words: object) -> str:
+    """What a command prints that ends well."""
+    done = rabbit(*words)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
 def assert_shown_and_checked(recording: Path) -> None:
     """Information, check, plot, film and page tell of its ticks, which a walk of a controller of ours has too."""
-    (episode,) = contents(recording).episodes
+    (episode,), page = contents(recording).episodes, recording.with_suffix(".html")
     assert episode.recorded > 0
     assert (episode.lost, episode.first) == (0, 0)
-    checked = rabbit("bag", "check", recording)
-    assert checked.returncode == 0, checked.stderr
-    assert f"{episode.recorded} ticks, 0 lost, 0 replayed" in checked.stdout
-    plotted = rabbit("bag", "plot", recording)
-    assert plotted.returncode == 0, plotted.stderr
-    assert {Path(line).stem for line in plotted.stdout.split()} >= {"walk", "swing_foot", "rows"}
-    filmed = rabbit("video", recording, "--no-gif")
-    assert filmed.returncode == 0, filmed.stderr
+    assert f"{episode.recorded} ticks, 0 lost, 0 replayed" in said_by("bag", "check", recording)
+    plotted = said_by("bag", "plot", recording).split()
+    assert {Path(line).stem for line in plotted} >= {"walk", "swing_foot", "rows"}
+    said_by("video", recording, "--no-gif")
     assert recording.with_suffix(".mp4").stat().st_size > 10_000
-    page = recording.with_suffix(".html")
-    shown = rabbit("bag", "show", recording, "--export", page)
-    assert shown.returncode == 0, shown.stderr
+    said_by("bag", "show", recording, "--export", page)
     assert page.is_file()
+
+
+def watched(folder: Path, *words: object, **environment: str) -> PageClient:
+    """A page that was open during a walk to this folder, to the last word that was said."""
+    port = free_port()
+    command = [*RABBIT, "walk", *map(str, words), "--out", folder, "--view", "--view-port", str(port)]
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, env={**os.environ, **environment})
+    with PageClient(f"http://127.0.0.1:{port}", timeout=300, watches=False) as client:
+        while client.hear(0.5) or process.poll() is None:
+            pass
+    assert process.returncode == ExitCode.WALKED
+    return client
 
 
 def test_a_controller_of_another_package_walks(tmp_path: Path) -> None:
     package = make_package(tmp_path / "install", "stranger", {"pd": (EXAMPLES / "own_controller_node.py").read_text()})
-    folder, port = tmp_path / "walk", free_port()
-    words = (*WALK, "--controller", "stranger/pd", "--out", folder, "--view", "--view-port", port, "--pace", "2")
-    process = subprocess.Popen([*RABBIT, "walk", *map(str, words)], env={**os.environ, **package})
-    with PageClient(f"http://127.0.0.1:{port}", timeout=300, watches=False) as client:
-        while client.hear(0.5) or process.poll() is None:  # to the last word that was said
-            pass
-    assert process.returncode == ExitCode.WALKED
+    folder = tmp_path / "walk"
+    client = watched(folder, *WALK, "--controller", "stranger/pd", "--pace", 2, **package)
     episode = read_episodes(folder / "recording")[1]
     assert (episode.outcome, episode.controller, len(episode.landings)) == ("walked", "pd", 3)
     assert {record.output.stance for record in episode.records} == {0, 1}
@@ -159,19 +167,11 @@ def test_a_signal_ends_an_example_without_a_traceback(name: str, number: signal.
     assert (process.returncode, said) == (0, "")
 
 
-VIEWED = ("--no-pictures", "--no-video", "--no-trainer", "--stones", "4", "--seed", "4", "--view")
-
-
 def test_rows_are_the_recorded_ticks(tmp_path: Path) -> None:
     """Of a walk that is watched at the pace of real time."""
-    port, folder = free_port(), tmp_path / "walk"
-    words = (*RABBIT, "walk", "--out", str(folder), *VIEWED, "--view-port", str(port))
-    process = subprocess.Popen(words, stdout=subprocess.DEVNULL)
-    with PageClient(f"http://127.0.0.1:{port}", timeout=300, watches=False) as client:
-        while process.poll() is None:
-            client.hear(0.5)
-    assert process.returncode == ExitCode.WALKED
-    records = {record.state.tick: record for record in read_episodes(folder / "recording")[1].records}
+    short = ("--no-pictures", "--no-video", "--no-trainer", "--stones", 4, "--seed", 4)
+    client = watched(tmp_path / "walk", *short)
+    records = {record.state.tick: record for record in read_episodes(tmp_path / "walk" / "recording")[1].records}
     rows = {int(row["tick"]): row for (row,) in client.rows}
     assert len(rows) >= 10
     for tick, row in rows.items():
@@ -183,5 +183,4 @@ def test_rows_are_the_recorded_ticks(tmp_path: Path) -> None:
         applied = records[tick - 1].output.torque if tick else np.full(4, np.nan)  # over the tick that ended
         torque = [row[f"torque_{joint}"] for joint in ACTUATED]
         np.testing.assert_array_equal(torque, applied.astype(np.float32))
-        ratio = force_ratio(force)
-        np.testing.assert_array_equal(row["force_ratio"], np.float32(ratio))
+        np.testing.assert_array_equal(row["force_ratio"], np.float32(force_ratio(force)))

@@ -100,16 +100,9 @@ def test_a_full_disk_stops_the_recording_not_the_walk(world: Any) -> None:
     assert len(read_episodes(recover(world.folder / "recording").path)[1].records) > 1
 
 
-@pytest.fixture(scope="module")
-def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Of a short walk."""
-    folder = tmp_path_factory.mktemp("walk")
-    options, plant = WalkOptions(trainer=False), SimulationParameters(stones=1)
-    walk_through(WalkSettings(folder=folder, options=options, simulation=plant, controller=PARAMETERS, policy="zero"))
-    return folder / "recording"
-
-
-def test_a_recording_is_played_again(world: Any, recording: Path) -> None:
+def test_a_recording_is_played_again(world: Any, tmp_path: Path) -> None:
+    options, plant, recording = WalkOptions(trainer=False), SimulationParameters(stones=1), tmp_path / "recording"
+    walk_through(WalkSettings(folder=tmp_path, options=options, simulation=plant, controller=PARAMETERS, policy="zero"))
     heard = {name: world.hear(name) for name in ("state", "torque", "controller_state", "preview", "clock")}
     count = play(recording, rate=5.0, namespace=world.namespace, delay=3.0)
     with opened(recording) as reader:
