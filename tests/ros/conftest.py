@@ -63,15 +63,27 @@ class World:
         self._nodes.append(name)
         path = self.folder / f"{name}.yaml"
         write_parameters(path, {name: {**usual, **parameters}})
-        options = ("--ros-args", "--params-file", str(path), "-r", f"__ns:=/{self.namespace}", "-r", "/clock:=clock")
+        options = (*self.space, "--params-file", str(path), "-r", "/clock:=clock")
         self.processes.start(name, (*options, *arguments))
+
+    def walk(self, controller: dict[str, Any] | None = None, records: bool = False, **simulator: Any) -> None:
+        """Start a simulator and a controller under these parameters, and a recorder if it `records`; let them begin."""
+        self.start("simulator", **simulator)
+        self.start("controller", **controller or {})
+        if records:
+            self.start("recorder", path=str(self.folder / "recording"))
+        self.go()
+
+    @property
+    def space(self) -> tuple[str, ...]:
+        """ROS arguments that put a node into the namespace."""
+        return "--ros-args", "-r", f"__ns:=/{self.namespace}"
 
     def start_task(self, node: str, task: object, executable: str = "", **parameters: Any) -> None:
         """Start one of the graph's nodes, of a task."""
         package = {"simulator": "rabbit_sim", "trainer": "rl_trainer"}.get(node, "rl_cbf_clf_controller")
         words = [word for name, value in ({"task": task} | parameters).items() for word in ("-p", f"{name}:={value}")]
-        told = ("--ros-args", "-r", f"__ns:=/{self.namespace}", *words)
-        self.processes.start(node, told, executable or node, package)
+        self.processes.start(node, (*self.space, *words), executable or node, package)
 
     def ends(self, number: int = 0) -> list[Any]:
         """The announcements of episodes' ends that were heard, of all or of this number."""

@@ -32,13 +32,8 @@ def torques(world: Any, messages: list[TorqueCommand], ended: Episode) -> Any:
 @pytest.mark.parametrize("order", list(itertools.permutations(("simulator", "controller", "trainer"))), ids="-".join)
 def test_nodes_start_in_any_order(world: Any, order: tuple[str, ...]) -> None:
     episodes, transitions = world.hear("episode"), world.hear("transition")
-    told: dict[str, dict[str, Any]] = {
-        "simulator": {**SHORT, "stones": 1, "trainer": "wait"},
-        "controller": {},
-        "trainer": {},
-    }
     for name in order:
-        world.start(name, **told[name])
+        world.start(name, **({**SHORT, "stones": 1, "trainer": "wait"} if name == "simulator" else {}))
         world.spin(0.3)
     world.go()
     world.ended()
@@ -49,6 +44,7 @@ def test_nodes_start_in_any_order(world: Any, order: tuple[str, ...]) -> None:
 def test_pause_holds_between_two_ticks_and_changes_nothing(world: Any) -> None:
     states, commands, episodes = world.hear("state"), world.hear("torque"), world.hear("episode")
     world.start("simulator", episodes=0, pace=2.0, **SHORT)
+    assert world.ask(ResetEpisode, "reset_episode", seed=3).message == "there is no controller"
     world.start("controller")
     world.go()
     assert world.ask(ResetEpisode, "reset_episode", seed=3).success
@@ -68,19 +64,6 @@ def test_pause_holds_between_two_ticks_and_changes_nothing(world: Any) -> None:
     world.ask(SetBool, "pause", data=False)
     world.ended(2)
     np.testing.assert_array_equal(torques(world, commands, episodes[-1]), first)
-
-
-def test_reset_ends_the_running_episode(world: Any) -> None:
-    episodes = world.hear("episode")
-    world.start("simulator", episodes=0, pace=1.0, **SHORT)
-    assert world.ask(ResetEpisode, "reset_episode", seed=3).message == "there is no controller"
-    world.start("controller")
-    world.go()
-    assert world.ask(ResetEpisode, "reset_episode", seed=3).success
-    assert world.ask(ResetEpisode, "reset_episode", seed=4).success
-    world.wait(lambda: episodes[-1].episode == 2)
-    assert [e.outcome for e in world.ends()] == ["reset"]
-    assert (episodes[-1].seed, episodes[-1].phase) == (4, Episode.RUNNING)
 
 
 def test_wrong_messages_are_refused_counted_and_told(world: Any) -> None:
@@ -122,9 +105,7 @@ def resident_bytes(pid: int) -> int:
 
 def test_a_dead_controller_ends_the_episode_and_a_new_one_walks(world: Any) -> None:
     states, episodes = world.hear("state"), world.hear("episode")
-    world.start("simulator", episodes=2, answer_timeout=3.0, pace=1.0, **SHORT)
-    world.start("controller")
-    world.go()
+    world.walk(episodes=2, answer_timeout=3.0, pace=1.0, **SHORT)
     world.wait(lambda: len(states) > 20)
     world.processes.kill(("controller",))
     world.ended()
@@ -172,11 +153,10 @@ def test_gains_change_in_the_middle_of_a_walk(world: Any) -> None:
     assert not refused.successful
     assert "kp" in refused.reason
     world.ended()
-    all_tuning = [
-        (said.tick, ControllerParameters.model_validate_json(said.parameters)) for said in heard["controller_settings"]
-    ]
-    assert [tuning.eps for _, tuning in all_tuning] == [0.04, 0.05, 0.05, 0.04]
-    first, told = all_tuning[0][1], dict(all_tuning)
+    said = heard["controller_settings"]
+    tunings = [ControllerParameters.model_validate_json(settings.parameters) for settings in said]
+    assert [tuning.eps for tuning in tunings] == [0.04, 0.05, 0.05, 0.04]
+    first, told = tunings[0], dict(zip([settings.tick for settings in said], tunings, strict=True))
     inside = Controller(first, load_gait(first.gait), ZeroPolicy(first.problem))
     inside.reset(heard["episode"][-1].seed)
     stones = {message.index: preview_of(message) for message in heard["preview"]}

@@ -8,7 +8,6 @@ import signal
 import subprocess
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -51,37 +50,18 @@ def wait_for(holds: Callable[[], bool], seconds: float = 180.0) -> None:
         time.sleep(0.05)
 
 
-def is_under_way(folder: Path) -> bool:
-    """Whether a walk has recorded more than it does before its first tick."""
-    recording = folder / "recording" / "recording.mcap"
-    return recording.is_file() and recording.stat().st_size > policy_path("rl-cbf-clf-qp").stat().st_size + 100_000
-
-
-@contextmanager
-def begun(folder: Path, *words: str) -> Iterator[subprocess.Popen[str]]:
-    """A slow walk in a folder, that has begun."""
-    command = [*RABBIT, "walk", "--out", str(folder), *QUICK, *SLOW, *words]
+@pytest.fixture
+def walking(tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
+    """A slow walk of all four nodes in `tmp_path`, that has begun: more is recorded than before its first tick."""
+    before, recording = policy_path("rl-cbf-clf-qp").stat().st_size, tmp_path / "recording" / "recording.mcap"
+    command = [*RABBIT, "walk", "--out", str(tmp_path), *QUICK, *SLOW]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    wait_for(lambda: is_under_way(folder))
+    wait_for(lambda: recording.is_file() and recording.stat().st_size > before + 100_000)
+    assert len(running(tmp_path)) == 4
     yield process
     process.kill()
     process.wait()
-    wait_for(lambda: not running(folder))  # the next walk may be in the same namespace
-
-
-@pytest.fixture
-def walking(tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
-    """Of simulator, controller and recorder, in `tmp_path`."""
-    with begun(tmp_path, "--no-trainer") as process:
-        yield process
-
-
-@pytest.fixture
-def learning(tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
-    """Of all four nodes, in `tmp_path`."""
-    with begun(tmp_path) as process:
-        assert len(running(tmp_path)) == 4
-        yield process
+    wait_for(lambda: not running(tmp_path))  # the next walk may be in the same namespace
 
 
 def test_a_walk_leaves_its_folder(tmp_path: Path) -> None:
@@ -91,13 +71,8 @@ def test_a_walk_leaves_its_folder(tmp_path: Path) -> None:
     assert (summary["walked"], summary["episodes"][0]["stones"], summary["episodes"][0]["seed"]) == (True, 2, 4)
     assert summary["episodes"][0]["ticks_not_recorded"] == 0
     assert len(read_episodes(tmp_path / "recording")[1].records) == summary["ticks"]
-    assert {path.name for path in tmp_path.iterdir()} >= {
-        "parameters.yaml",
-        "records.npz",
-        "log",
-        "walk.mp4",
-        "walk.gif",
-    }
+    left = {path.name for path in tmp_path.iterdir()}
+    assert left >= {"parameters.yaml", "records.npz", "log", "walk.mp4", "walk.gif"}
     assert len(list((tmp_path / "pictures").glob("*.png"))) == 4
     assert not running(tmp_path)
 
@@ -133,12 +108,12 @@ def test_a_fall_has_an_exit_code_of_its_own(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("signals", [(signal.SIGINT,), (signal.SIGINT, signal.SIGINT), (signal.SIGTERM,)])
-def test_signals_end_all(learning: subprocess.Popen[str], tmp_path: Path, signals: tuple[int, ...]) -> None:
+def test_signals_end_all(walking: subprocess.Popen[str], tmp_path: Path, signals: tuple[int, ...]) -> None:
     for number in signals:
-        learning.send_signal(number)
+        walking.send_signal(number)
         time.sleep(0.3)
-    _, said = learning.communicate(timeout=300)
-    assert learning.returncode == 128 + signals[0]
+    _, said = walking.communicate(timeout=300)
+    assert walking.returncode == 128 + signals[0]
     assert "stopped by" in said
     assert "Traceback" not in said
     assert not running(tmp_path)
@@ -146,8 +121,8 @@ def test_signals_end_all(learning: subprocess.Popen[str], tmp_path: Path, signal
         assert read_episodes(tmp_path / "recording")[1].records
 
 
-def test_a_killed_launcher_leaves_nobody_behind(learning: subprocess.Popen[str], tmp_path: Path) -> None:
-    learning.kill()
+def test_a_killed_launcher_leaves_nobody_behind(walking: subprocess.Popen[str], tmp_path: Path) -> None:
+    walking.kill()
     wait_for(lambda: not running(tmp_path), 30.0)
 
 
@@ -166,10 +141,8 @@ def test_a_node_that_dies_ends_the_walk_and_is_named(walking: subprocess.Popen[s
 
 
 def test_an_episode_that_an_operator_asks_for_is_walked_to_its_end(tmp_path: Path, root_world: Any) -> None:
-    slow = ("--pace", 1, "--stones", 3, "--no-trainer", "--no-record")
-    process = subprocess.Popen(
-        [*RABBIT, "walk", "--out", str(tmp_path / "walk"), *map(str, slow)], stdout=subprocess.PIPE, text=True
-    )
+    slow = ("--pace", "1", "--stones", "3", "--no-trainer", "--no-record")
+    process = subprocess.Popen([*RABBIT, "walk", "--out", tmp_path / "walk", *slow], stdout=subprocess.PIPE, text=True)
     states = root_world.hear("state")
     root_world.wait(lambda: any(state.tick > 20 for state in states))
     assert root_world.ask(ResetEpisode, "reset_episode", seed=7).success
@@ -188,10 +161,10 @@ def test_a_second_walk_in_one_namespace_is_refused(walking: subprocess.Popen[str
     assert "namespace / of ROS domain" in line
     assert "--namespace" in line
     assert not (tmp_path / "second").exists()
-    assert len(running(tmp_path)) == 3
+    assert len(running(tmp_path)) == 4
     other = rabbit("walk", "--out", tmp_path / "other", "--namespace", "other", *SMALL)
     assert other.returncode == ExitCode.WALKED, other.stderr
-    assert len(running(tmp_path)) == 3
+    assert len(running(tmp_path)) == 4
     assert walking.poll() is None
 
 
@@ -204,8 +177,7 @@ def test_nodes_walk_again_under_the_parameters_that_a_walk_has_left(tmp_path: Pa
     before = [record.output.torque for record in read_episodes(folder / "recording")[1].records]
     torques, episodes = world.hear("torque"), world.hear("episode")
     for name in ("controller", "simulator"):
-        file = ("--ros-args", "--params-file", str(folder / "parameters.yaml"), "-r", f"__ns:=/{world.namespace}")
-        world.processes.start(name, file)
+        world.processes.start(name, (*world.space, "--params-file", str(folder / "parameters.yaml")))
     world.wait(lambda: bool(episodes) and episodes[-1].outcome == "walked")
     world.wait(lambda: len({message.tick for message in torques}) == len(before))
     by_tick = {message.tick: message.torque for message in torques}
@@ -215,8 +187,6 @@ def test_nodes_walk_again_under_the_parameters_that_a_walk_has_left(tmp_path: Pa
 ROOT = Path(__file__).resolve().parents[2]
 CHANGED = {"port 8765": "port 0", "0.0.0.0": "127.0.0.1", "pace:=1.0": "pace:=0.0"}
 MEMORY = "/dev/shm"  # of `ground`
-
-
 SERVICES = ("simulator", "controller", "trainer", "recorder", "viewer")
 
 

@@ -34,7 +34,7 @@ WALK = ("--terrain", "flat", "--stones", 3, "--ready-timeout", 180)
 @contextmanager
 def example(name: str, *words: str) -> Iterator[subprocess.Popen[bytes]]:
     """One of the examples, as a user starts it."""
-    process = subprocess.Popen([sys.executable, EXAMPLES / f"{name}.py", "--ros-args", *words])
+    process = subprocess.Popen([sys.executable, EXAMPLES / f"{name}.py", *words])
     try:
         yield process
     finally:
@@ -98,11 +98,10 @@ def test_a_controller_and_a_simulator_of_ones_own_are_shown_and_recorded(tmp_pat
     world.start("viewer", port=port)
     world.start("recorder", path=str(tmp_path / "recording"))
     world.wait(lambda: len({status.name for m in world.hear("diagnostics") for status in m.status}) == 2)
-    space = ("-r", f"__ns:=/{world.namespace}")
     with (
         PageClient(f"http://127.0.0.1:{port}", watches=False) as client,
-        example("own_simulator_node", *space),
-        example("own_controller_node", *space),
+        example("own_simulator_node", *world.space),
+        example("own_controller_node", *world.space),
     ):
         world.wait(lambda: bool(episodes) and episodes[-1].outcome == "walked")
         world.wait(lambda: bool(frames and stones))

@@ -96,9 +96,7 @@ def test_bad_policies_are_refused_with_a_reason_and_the_old_one_goes_on(world: A
         "fixed observations": dataclasses.replace(good, arrays={**good.arrays, PROBE: good.arrays[PROBE] + 1}).encode(),
     }
     good.write(tmp_path / "good")
-    world.start("simulator", pace=1.0, **{**PLANT, "stones": 200})
-    world.start("controller", policy=str(tmp_path / "good"), **PARAMETERS.model_dump())
-    world.go()
+    world.walk({**PARAMETERS.model_dump(), "policy": str(tmp_path / "good")}, pace=1.0, **{**PLANT, "stones": 200})
     world.wait(lambda: bool(commands and swaps))
     messages = {**bad, "the message says version": policy(2).encode()}
     for number, (reason, data) in enumerate(messages.items(), 2):
@@ -119,9 +117,7 @@ def test_bad_policies_are_refused_with_a_reason_and_the_old_one_goes_on(world: A
 @pytest.mark.parametrize("swap_at", ["tick", "episode"])
 def test_when_policies_take_effect(world: Any, tmp_path: Path, swap_at: str) -> None:
     commands = world.hear("torque")
-    world.start("simulator", pace=2.0, episodes=0, **PLANT)
-    world.start("controller", swap_at=swap_at, **PARAMETERS.model_dump())
-    world.go()
+    world.walk({**PARAMETERS.model_dump(), "swap_at": swap_at}, pace=2.0, episodes=0, **PLANT)
     assert world.ask(ResetEpisode, "reset_episode", seed=1).success
     world.wait(lambda: len(commands) > 10)
     world.say("policy", weights(policy(1)))
@@ -213,8 +209,5 @@ def test_an_operator_loads_policies_by_command(world: Any, tmp_path: Path) -> No
     code, said = load("nope", *there)
     assert (code, said.count("\n")) == (2, 1)
     assert "nope: expected a policy file, zero, or one of" in said
-    code, said = load("zero", "--namespace", "nobody")
-    assert (code, said) == (
-        1,
-        "rabbit: no graph in namespace /nobody: start one with `rabbit walk`, or wait for one with --timeout\n",
-    )
+    none = "rabbit: no graph in namespace /nobody: start one with `rabbit walk`, or wait for one with --timeout\n"
+    assert load("zero", "--namespace", "nobody") == (1, none)

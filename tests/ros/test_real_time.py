@@ -19,9 +19,7 @@ SLOW: dict[str, Any] = {"real_time": True, "pace": PACE, "damping": DAMPING, "da
 
 def test_a_killed_controller_is_held_for_two_ticks_then_damped_then_it_ends(world: Any) -> None:
     states, timings, torques = (world.hear(topic) for topic in ("state", "timing", "torque"))
-    world.start("simulator", **SLOW)
-    world.start("controller")
-    world.go()
+    world.walk(**SLOW)
     world.wait(lambda: len(timings) >= 5)
     world.processes.kill(["controller"])
     ended = world.ended()

@@ -28,9 +28,7 @@ PLANT, PARAMETERS = {"motor_lag": 0.004, "stones": 4}, ControllerParameters()
 def test_a_recorder_begun_in_the_middle_tells_recorded_from_announced(world: Any) -> None:
     """The simulator holds while the recorder comes up in the middle of an episode, so that nothing is lost."""
     states = world.hear("state")
-    world.start("simulator", pace=1.0, **{**PLANT, "stones": 2, "episodes": 1000})
-    world.start("controller")
-    world.go()
+    world.walk(pace=1.0, **{**PLANT, "stones": 2, "episodes": 1000})
     world.wait(lambda: bool(states) and states[-1].episode > 1 and states[-1].tick > 20)
     assert world.ask(SetBool, "pause", data=True).success
     path = world.folder / "recording"
@@ -85,10 +83,7 @@ def test_further_topics_are_recorded_where_they_are_asked_for(world: Any) -> Non
 
 def test_a_full_disk_stops_the_recording_not_the_walk(world: Any) -> None:
     states = world.hear("state")
-    world.start("simulator", pace=1.0, **PLANT)
-    world.start("controller")
-    world.start("recorder", path=str(world.folder / "recording"))
-    world.go()
+    world.walk(records=True, pace=1.0, **PLANT)
     world.wait(lambda: len(states) > 80)
     full = (world.folder / "recording" / "recording.mcap").stat().st_size
     resource.prlimit(world.processes.pid("recorder"), resource.RLIMIT_FSIZE, (full, full))

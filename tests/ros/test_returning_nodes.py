@@ -68,10 +68,7 @@ STOPS, SECONDS = 12, 2.0
 def test_a_recorder_that_was_stopped_catches_up_each_time(make_world: Any) -> None:
     world = make_world("stopped")
     states = world.hear("state")
-    world.start("simulator", **SHORT, episodes=10_000, pace=0.5)
-    world.start("controller")
-    world.start("recorder", path=str(world.folder / "recording"))
-    world.go()
+    world.walk(records=True, **SHORT, episodes=10_000, pace=0.5)
 
     def recorded() -> tuple[int, int]:
         episode, tick = world.told("recorder")["episode, tick"].split()

@@ -48,15 +48,13 @@ def start(world: Any) -> Iterator[Start]:
         plant = {"stones": stones, "motor_lag": 0.004}
         asked = {"plant": plant, "gait": GAIT, "seed": 1, "pace": 1, "waits": True, "seconds": 200}
         asked |= {"timeout": patience, "wrong": wrong, "wrong_from": wrong_from}
-        space = ("--ros-args", "-r", f"__ns:=/{world.namespace}")
-        world.processes.start("guard", (*space, "-p", f"timeout:={patience}"), "command_guard", "rabbit_bringup")
+        world.processes.start("guard", (*world.space, "-p", f"timeout:={patience}"), "command_guard", "rabbit_bringup")
         parameters = {"stones": stones, "gait": GAIT, "stale": patience, "answer_timeout": 60.0, "held_ticks": 1000}
         words = [word for name, value in {**parameters, **own}.items() for word in ("-p", f"{name}:={value}")]
-        world.processes.start("bridge", (*space, *words), "ros2_control", "rabbit_bringup")
+        world.processes.start("bridge", (*world.space, *words), "ros2_control", "rabbit_bringup")
         meet()
-        robot = subprocess.Popen(
-            [sys.executable, STAND_IN, json.dumps(asked), *space], stdout=subprocess.PIPE, text=True
-        )
+        command = [sys.executable, STAND_IN, json.dumps(asked), *world.space]
+        robot = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         processes.append(robot)
         world.start("controller", controller="cbf-clf-qp", objective="pd_centred", gait=GAIT)
         for node in ("controller", "command_guard"):
@@ -182,9 +180,8 @@ def hanging(at: Any) -> dict[str, Any]:
 
 
 def test_a_robot_elsewhere_is_not_enabled_and_told_why(world: Any) -> None:
-    space = ("--ros-args", "-r", f"__ns:=/{world.namespace}")
-    world.processes.start("guard", space, "command_guard", "rabbit_bringup")
-    world.processes.start("bridge", (*space, "-p", "stale:=30.0"), "ros2_control", "rabbit_bringup")
+    world.processes.start("guard", world.space, "command_guard", "rabbit_bringup")
+    world.processes.start("bridge", (*world.space, "-p", "stale:=30.0"), "ros2_control", "rabbit_bringup")
     assert world.ask(SetBool, "pause", data=False).message == "no sensors: joint_states has said nothing"
     publishers = {
         name: world.node.create_publisher(type(message), name, qos_profile_sensor_data)

@@ -89,9 +89,7 @@ def test_a_trainer_is_followed_while_it_is_there(world: Any) -> None:
         return any(e.seed == (e.episode if seeds is None else seeds.get(e.episode)) for e in begun)
 
     stage = 0
-    world.start("simulator", trainer="auto", episodes=1_000_000, **{**PLANT.model_dump(), "stones": 1})
-    world.start("controller", **PARAMETERS.model_dump())
-    world.go()
+    world.walk(PARAMETERS.model_dump(), trainer="auto", episodes=1_000_000, **{**PLANT.model_dump(), "stones": 1})
     world.wait(lambda: walks(None))
     world.start("trainer", **TRAINING.model_dump(mode="json"))
     world.wait(lambda: walks({plan.after_episode + 1: plan.seed for plan in plans}))

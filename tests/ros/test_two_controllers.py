@@ -23,7 +23,7 @@ def applied(world: Any, number: int) -> np.ndarray:
 def start_other(world: Any) -> None:
     """A controller with other gains comes into the same namespace, while the robot is held."""
     world.ask(SetBool, "pause", data=True)
-    world.processes.start("other", ("--ros-args", "-r", f"__ns:=/{world.namespace}", *OTHER), kind="controller")
+    world.processes.start("other", (*world.space, *OTHER), kind="controller")
     world.wait(lambda: "other" in world.node.get_node_names())
     world.wait(lambda: bool(world.statuses("other")))
     world.spin(0.5)
@@ -90,9 +90,8 @@ def test_another_controller_does_not_go_on_for_a_killed_one(world: Any) -> None:
 @pytest.mark.parametrize("name", ["", "/mine 7"])
 def test_a_controller_of_a_users_own_is_alone_too(world: Any, name: str) -> None:
     """The test plays one that answers with a PD law; a real one comes in beside it. The empty name is a name too."""
-    begin_fake = {**SHORT, "stones": 1}
     states, episodes = world.hear("state"), world.hear("episode")
-    world.start("simulator", start_paused=False, **begin_fake)
+    world.start("simulator", start_paused=False, **{**SHORT, "stones": 1})
     world.say("torque", TorqueCommand(sender=name))
     world.wait(lambda: bool(states))
     world.say("torque", TorqueCommand(episode=1, tick=0, torque=[0.0] * 4, sender=name))
@@ -130,8 +129,7 @@ def test_two_controllers_without_a_name_end_the_episode(world: Any) -> None:
 
 def start_second(world: Any, name: str = "second", kind: str = "simulator", package: str = "rabbit_sim") -> None:
     """Another one comes; its service is `second_pause`."""
-    space = ("--ros-args", "-r", f"__ns:=/{world.namespace}", "-r", "pause:=second_pause")
-    world.processes.start(name, space, kind, package)
+    world.processes.start(name, (*world.space, "-r", "pause:=second_pause"), kind, package)
     world.wait(lambda: "another simulator plays" in world.log(name))
 
 
@@ -165,9 +163,7 @@ def test_the_first_one_walks_on_and_the_second_one_plays_nothing(make_world: Any
 def test_one_that_comes_in_the_place_of_another_is_followed(world: Any, stopped: str) -> None:
     """Whether that was killed or ended itself; it says WAITING once."""
     episodes, states = world.hear("episode"), world.hear("state")
-    world.start("simulator", pace=1.0, **SHORT)
-    world.start("controller")
-    world.go()
+    world.walk(pace=1.0, **SHORT)
     world.wait(lambda: len(states) > 20)
     getattr(world.processes, stopped)(("simulator",))
     world.start("simulator", **SHORT)
@@ -179,9 +175,7 @@ def test_one_that_comes_in_the_place_of_another_is_followed(world: Any, stopped:
 
 def test_a_strangers_simulator_without_a_name_is_refused_and_ends_no_walk(world: Any) -> None:
     states = world.hear("state")
-    world.start("simulator", pace=1.0, **SHORT)
-    world.start("controller")
-    world.go()
+    world.walk(pace=1.0, **SHORT)
     world.wait(lambda: len(states) > 20)
     world.ask(SetBool, "pause", data=True)
     for phase in (Episode.WAITING, Episode.RUNNING):
