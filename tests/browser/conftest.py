@@ -10,15 +10,8 @@ __all__ = ["walk", "write_bag"]
 
 
 @pytest.fixture
-def chromium(browser: Chromium) -> Iterator[Chromium]:
-    """It has no window when a test begins."""
-    yield browser
-    browser.close_windows()
-
-
-@pytest.fixture(scope="session")
-def browser() -> Iterator[Chromium]:
-    """A browser for all tests."""
+def chromium() -> Iterator[Chromium]:
+    """A browser that has no window when a test begins."""
     if find_chromium() is None:
         pytest.skip("no Chromium on this machine: apt install chromium")
     with Chromium() as started:

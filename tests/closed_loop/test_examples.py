@@ -11,8 +11,9 @@ from urllib.parse import parse_qsl, urlsplit
 
 import numpy as np
 import pytest
+from rabbit_common.options import Given
 from rabbit_sim.parameters import SimulationParameters
-from rabbit_viewer.commands.play import DEFAULTS
+from rabbit_viewer.commands.play import DEFAULTS, PlayOptions
 from rabbit_viewer.play.settings import NOBODY, Start, plant_of, settings_of
 from rabbit_viewer.play.walker import Walker
 from rl_cbf_clf_controller.parameters import ControllerParameters
@@ -103,24 +104,14 @@ def asked(row: re.Match[str]) -> dict[str, Any]:
     return dict(zip(names, words[1::2], strict=True))
 
 
-def start(given: dict[str, Any]) -> Start:
+def start(asked: dict[str, Any]) -> Start:
     """What the page begins with."""
-    plant, robots, course, controller = {**DEFAULTS.always}, {}, {}, {}
-    for name, value in given.items():
-        kind = next(
-            into
-            for fields, into in (
-                ({"first", "second"}, robots),
-                ({"seed"}, course),
-                (SimulationParameters.model_fields, plant),
-                (ControllerParameters.model_fields, controller),
-            )
-            if name in fields
-        )
-        kind[name] = value
-    base = SimulationParameters.model_validate(plant)
-    settings = settings_of(base, **robots, **course)
-    return Start(settings=settings, plant=base, controller=ControllerParameters.model_validate(controller))
+    models = PlayOptions, SimulationParameters, ControllerParameters
+    assert asked.keys() <= set().union(*(model.model_fields for model in models))
+    given = Given(asked, DEFAULTS)
+    plant, robots = given.build(SimulationParameters), given.build(PlayOptions)
+    settings = settings_of(plant, first=robots.first, second=robots.second, seed=robots.seed)
+    return Start(settings=settings, plant=plant, controller=given.build(ControllerParameters))
 
 
 def walked(name: str, begun: Start) -> str:

@@ -37,7 +37,7 @@ class Chromium:
     """A browser with a profile of its own."""
 
     def __enter__(self) -> Self:
-        self._stack, self._windows = ExitStack(), ExitStack()
+        self._stack = ExitStack()
         profile = Path(self._stack.enter_context(tempfile.TemporaryDirectory(ignore_cleanup_errors=True)))
         command = [str(find_chromium()), *OPTIONS, f"--user-data-dir={profile}", "about:blank"]
         self._process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
@@ -63,14 +63,8 @@ class Chromium:
             wish = {"url": "about:blank", "newWindow": True, **SIZE}
             socket.send(json.dumps({"id": 1, "method": "Target.createTarget", "params": wish}))
             target = json.loads(socket.recv(timeout=PATIENCE))["result"]["targetId"]
-        socket = self._windows.enter_context(attach(f"ws://127.0.0.1:{self._port}/devtools/page/{target}"))
-        page = Page(socket, address, offline)
-        self._windows.callback(page.close)
-        return page
-
-    def close_windows(self) -> None:
-        """All that were opened."""
-        self._windows.close()
+        socket = self._stack.enter_context(attach(f"ws://127.0.0.1:{self._port}/devtools/page/{target}"))
+        return Page(socket, address, offline)
 
 
 class Page:
@@ -95,10 +89,6 @@ class Page:
         """No network from now on."""
         none = {"offline": True, "latency": 0, "downloadThroughput": 0, "uploadThroughput": 0}
         self.call("Network.emulateNetworkConditions", **none)
-
-    def close(self) -> None:
-        """Its window."""
-        self.call("Page.close")
 
     def call(self, method: str, **parameters: Any) -> Any:
         """A command of the protocol; its result."""
