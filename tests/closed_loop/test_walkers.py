@@ -71,11 +71,9 @@ def floating(walker, x):
 
 def test_the_motion_is_pinocchios(walker):
     task, rng, model = walker.task, np.random.default_rng(1), PinocchioModel(scaled(walker.urdf, 2.0), feet=walker.feet)
-    motion = NumpyFunction.of(
-        "motion", {"x": task.system.x, "p": task.system.p, "u": task.system.u}, {"x_dot": task.system.x_dot}
-    )
-    p = task.parameters_at({"mass": 2.0}, {})
-    n = len(walker.coordinates)
+    p, n = task.parameters_at({"mass": 2.0}, {}), len(walker.coordinates)
+    inputs = {name: getattr(task.system, name) for name in ("x", "p", "u")}
+    motion = NumpyFunction.of("motion", inputs, {"x_dot": task.system.x_dot})
     for _ in range(5):
         x = np.array(task.start[0]) + rng.normal(0, 0.3, 2 * n + 2)
         x[[0, n + 1]], u = 0, rng.normal(0, 30, len(walker.motors))
@@ -155,13 +153,12 @@ def test_no_transition_spans_an_impact_and_the_oracles_estimates_are_what_is_mea
     assert np.sqrt(np.mean(errors**2)) < 0.05 * np.sqrt(np.mean(targets**2))
 
 
-def on_stones(tmp_path, name="amber_3m", stones="{nearest: 0.33, farthest: 0.37}"):
-    """The task of that example's file, once it has stones."""
-    for kind in (".yaml", ".urdf"):
-        (tmp_path / f"{name}{kind}").write_bytes((EXAMPLES / f"{name}{kind}").read_bytes())
-    with (tmp_path / f"{name}.yaml").open("a") as file:
-        file.write(f"stones: {stones}\nsteps: 20\n")
-    return load_task(str(tmp_path / f"{name}.yaml"))
+def on_stones(tmp_path, stones="{nearest: 0.33, farthest: 0.37}"):
+    """AMBER, once its file has stones."""
+    (tmp_path / "amber_3m.urdf").write_bytes((EXAMPLES / "amber_3m.urdf").read_bytes())
+    file, text = tmp_path / "amber_3m.yaml", (EXAMPLES / "amber_3m.yaml").read_text()
+    file.write_text(f"{text}stones: {stones}\nsteps: 20\n")
+    return load_task(str(file))
 
 
 def test_a_walker_whose_file_has_stones_lands_on_them(tmp_path):
@@ -226,10 +223,8 @@ def test_a_file_says_the_same_in_any_order_of_its_keys(tmp_path):
     (tmp_path / "amber_3m.urdf").write_bytes((EXAMPLES / "amber_3m.urdf").read_bytes())
     said, walkers = yaml.safe_load((EXAMPLES / "amber_3m.yaml").read_text()), []
     for keys in (list(said), sorted(said), sorted(said, reverse=True)):
-        written = {key: said[key] for key in keys}
-        written["outputs"] = {
-            name: said["outputs"][name] for name in sorted(said["outputs"], reverse=keys[0] > keys[1])
-        }
+        outputs = sorted(said["outputs"], reverse=keys[0] > keys[1])
+        written = {key: said[key] for key in keys} | {"outputs": {name: said["outputs"][name] for name in outputs}}
         (tmp_path / "walker.yaml").write_text(yaml.safe_dump(written, sort_keys=False))
         walkers.append(read_walker(tmp_path / "walker.yaml"))
     first, *others = walkers

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import pytest
 import typer
-from rabbit_bringup.cli import app, commands
+from rabbit_bringup.cli import commands
+from rabbit_command import invoke
 from rabbit_common.own_folder import RESERVED
-from typer.testing import CliRunner, Result
+from typer.testing import Result
 
 FOREIGN = (
     *("summary.json", "runs.csv", "violations.csv", "parameters.yaml", "model.json", "curve.csv", "evaluation.json"),
@@ -47,8 +48,7 @@ FILES = {
 
 def rabbit(name: str, *words: object) -> Result:
     """A command of this name."""
-    command = name.partition(",")[0].split()
-    return CliRunner().invoke(app, [*command, *map(str, words)])
+    return invoke(*name.partition(",")[0].split(), *words)
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -103,10 +103,10 @@ def test_two_commands_do_not_write_to_one_place(tmp_path: Path, monkeypatch: pyt
     os.close(descriptor)
 
 
-@pytest.mark.parametrize("first", ["evaluate", "train"])
-def test_a_folder_belongs_to_one_command(tmp_path: Path, first: str) -> None:
+@pytest.mark.parametrize(("first", "second"), [("evaluate", "train"), ("train", "evaluate")])
+def test_a_folder_belongs_to_one_command(tmp_path: Path, first: str, second: str) -> None:
     (tmp_path / f".rabbit-{first}").touch()
-    refused(rabbit({"evaluate": "train", "train": "evaluate"}[first], "--out", tmp_path), tmp_path)
+    refused(rabbit(second, "--out", tmp_path), tmp_path)
 
 
 def test_every_command_with_a_place_for_results_is_among_these() -> None:
