@@ -17,15 +17,12 @@ from entrances import NAMES, Entrance, entrances
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mutations import BOMBS, flipped, mutated
-from rabbit_description.gait import load_gait
+from rabbit_experiments.assembly import Assembly
 from rabbit_sim.parameters import SimulationParameters
-from rabbit_sim.simulation import Simulation
 from recorded_walk import SEED, Walk
-from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_trainer.checkpoint import DIGEST
-from rl_trainer.rollout import Record, rollout
+from walked import walked
 
 MOST_SECONDS, MOST_BYTES, LONGEST = 3.0, 500_000_000, 5000  # CPU, three times its bar; memory; of a refusal, characters
 HANGS = 60  # s, wall clock
@@ -37,10 +34,7 @@ SEEDS = st.integers(0, 2**32 - 1)
 def first_ticks() -> Walk:
     """Of a walk."""
     parameters = ControllerParameters(sigma=1.0)
-    gait = load_gait(parameters.gait)
-    simulation, records = Simulation(SimulationParameters(stones=1), gait), list[Record]()
-    rollout(simulation, Controller(parameters, gait, ZeroPolicy(parameters.problem)), SEED, records.append)
-    simulation.close()
+    records, _ = walked(Assembly(SimulationParameters(stones=1), parameters, "zero"), SEED)
     return Walk(parameters, records[:TICKS], [])
 
 

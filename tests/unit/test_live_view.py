@@ -7,24 +7,21 @@ import pytest
 from rabbit_common.ros.conversions import WORLD, foot_wrench, header
 from rabbit_common.ros.robot_frames import transforms
 from rabbit_description import FRAMES, URDF_PATH
-from rabbit_description.gait import load_gaits
 from rabbit_description.state import FEET, Array, StonePreview
+from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.walk_records import WalkRecords, about_walk
 from rabbit_msgs import msg
 from rabbit_sim.kinematics import RabbitFeet
 from rabbit_sim.parameters import SimulationParameters
-from rabbit_sim.robot_urdf import perturbed_urdf
 from rabbit_sim.simulation import Simulation
 from rabbit_viewer.geometry import spans_until, stone_spans
 from rabbit_viewer.page.rows import RowMaker
 from rabbit_viewer.ros.rviz import markers
-from rl_cbf_clf_controller.controller import Controller
-from rl_cbf_clf_controller.oracle import OraclePolicy, TruePlant
 from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_cbf_clf_controller.policy import ZeroPolicy
-from rl_trainer.rollout import Record, rollout
+from rl_trainer.rollout import Record
 from scipy.spatial.transform import Rotation
 from visualization_msgs.msg import Marker
+from walked import walked as walk_of
 
 RNG = np.random.default_rng(0)
 
@@ -37,12 +34,7 @@ Walked = tuple[list[Record], Simulation]
 @pytest.fixture(scope="module")
 def walked() -> Walked:
     """Three stones."""
-    gait = load_gaits(CONTROLLER.gait)
-    simulation = Simulation(PLANT, gait)
-    records: list[Record] = []
-    rollout(simulation, Controller(CONTROLLER, gait, ZeroPolicy(CONTROLLER.problem)), 1, records.append)
-    simulation.close()
-    return records, simulation
+    return walk_of(Assembly(PLANT, CONTROLLER, "zero"), 1)
 
 
 @pytest.fixture(scope="module")
@@ -135,12 +127,8 @@ def test_stones_lie_where_the_plant_placed_them(walked: Walked) -> None:
 
 def test_with_exact_estimates_the_true_error_is_the_estimated_one() -> None:
     """Of the tick before, as everything that a tick says of the model's error."""
-    gait = load_gaits(CONTROLLER.gait)
     plant = PLANT.model_copy(update={"mass_scale": 1.5})
-    simulation, records = Simulation(plant, gait), list[Record]()
-    oracle = OraclePolicy(TruePlant(perturbed_urdf(plant)))
-    rollout(simulation, Controller(CONTROLLER, gait, oracle), 1, records.append)
-    simulation.close()
+    records, _ = walk_of(Assembly(plant, CONTROLLER, "oracle"), 1)
     column = columns_of(records, plant, [r.output.alpha @ r.output.mu + r.output.beta for r in records])
     for name in records[0].output.quantities:
         np.testing.assert_array_equal(column[f"true_{name}"], column[f"estimated_{name}"])

@@ -11,25 +11,20 @@ from typing import Any
 import imageio.v3 as imageio
 import numpy as np
 import pytest
-from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.evaluation import record_walk
 from rabbit_experiments.walk_records import RECORDS, WalkRecords, save_records
 from rabbit_recording import RecordingError
-from rabbit_sim.parameters import SimulationParameters
 from rabbit_viewer import video
 from rabbit_viewer.commands.video import app
 from rabbit_viewer.scene import SIZE, Scene
 from rabbit_viewer.walk_pictures import draw_pictures, records_of
-from rl_cbf_clf_controller.parameters import load_parameters
 from typer.testing import CliRunner
+from walked import make_assembly
 
 
 def walk_on(controller: str) -> WalkRecords:
     """Two steps."""
-    parameters = load_parameters("ours", controller=controller)
-    terrain = parameters.terrain
-    plant = SimulationParameters.model_validate({"terrain": terrain, "stones": 2})
-    return record_walk(Assembly(plant, parameters, "zero"), seed=1)
+    return record_walk(make_assembly(controller, stones=2), seed=1)
 
 
 @pytest.mark.parametrize("controller", ["cbf-clf-qp", "clf-qp"])

@@ -7,14 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.evaluation import RecordedWalk
 from rabbit_recording.commands.bag import app
-from rabbit_sim.parameters import SimulationParameters
 from rabbit_viewer.rerun_file import explain_run
 from rabbit_viewer.walk_pictures import records_of
-from rl_cbf_clf_controller.parameters import load_parameters
 from typer.testing import CliRunner
+from walked import make_assembly
 
 
 def test_a_recording_is_written_for_rerun(tmp_path: Path, write_bag: Callable[..., Path]) -> None:
@@ -41,8 +39,7 @@ def test_a_recording_is_written_for_rerun(tmp_path: Path, write_bag: Callable[..
 
 
 def test_a_run_is_explained_where_it_needed_most_slack() -> None:
-    heavy = SimulationParameters(stones=2, mass_scale=2.0)
-    job = RecordedWalk(Assembly(heavy, load_parameters("ours", controller="cbf-clf-qp"), "zero"), 1)
+    job = RecordedWalk(make_assembly("cbf-clf-qp", stones=2, mass_scale=2.0), 1)
     worst = int(job.do().rescue_slack.argmax())
     title, _, *rows = explain_run(job).splitlines()
     assert worst > 0
