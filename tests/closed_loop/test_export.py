@@ -26,29 +26,6 @@ SEED, STONES = 17, 6
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
-def walked_in_python_and_c(
-    name: str, policy: str, folder: Path, daqp: Path | None = None, **plant: Any
-) -> tuple[np.ndarray, np.ndarray, str]:
-    """The torques of all ticks, and what the program says."""
-    changes = {"controller": name} if name in NAMES else {}
-    parameters = load_parameters(
-        "ours" if changes else name, plant.get("terrain", "stones"), qp_solver="daqp", **changes
-    )
-    robot = SimulationParameters(**{"plant": "mujoco", "mass_scale": 2.0, "stones": STONES, **plant})
-    simulation, controller = Assembly(robot, parameters, resolve_policy(policy, parameters)).build()
-    export(controller, folder, daqp, exported_estimator(robot))
-    write_example(folder, simulation, SEED)
-    subprocess.run(["make", "-s", "-C", folder], check=True)
-    said = subprocess.run(["./example", "torques"], cwd=folder, check=True, capture_output=True, text=True).stdout
-    torques = list[np.ndarray]()
-
-    def keep(record: Record) -> None:
-        torques.append(record.output.torque)
-
-    rollout(simulation, controller, SEED, keep)
-    return np.array(torques), np.fromfile(folder / "torques").reshape(-1, 4), said
-
-
 THOROUGH = pytest.mark.thorough
 CASES = [
     ("ours", "zero", {"mass_scale": 1.0}),
@@ -61,8 +38,18 @@ CASES = [
 
 @pytest.mark.parametrize(("name", "policy", "plant"), CASES)
 def test_each_torque_has_the_bits_of_pythons(name: str, policy: str, plant: dict[str, Any], tmp_path: Path) -> None:
-    in_python, in_c, said = walked_in_python_and_c(name, policy, tmp_path, **plant)
-    assert in_c.tobytes() == in_python.tobytes()
+    own, terrain = {"controller": name} if name in NAMES else {}, plant.get("terrain", "stones")
+    parameters = load_parameters("ours" if own else name, terrain, qp_solver="daqp", **own)
+    robot = SimulationParameters(**{"plant": "mujoco", "mass_scale": 2.0, "stones": STONES, **plant})
+    simulation, controller = Assembly(robot, parameters, resolve_policy(policy, parameters)).build()
+    export(controller, tmp_path, None, exported_estimator(robot))
+    write_example(tmp_path, simulation, SEED)
+    subprocess.run(["make", "-s", "-C", tmp_path], check=True)
+    said = subprocess.run(["./example", "torques"], cwd=tmp_path, check=True, capture_output=True, text=True).stdout
+    records = list[Record]()
+    rollout(simulation, controller, SEED, records.append)
+    in_python = np.array([record.output.torque for record in records])
+    assert (tmp_path / "torques").read_bytes() == in_python.tobytes()
     assert said == f"{STONES} of {STONES} stones in {len(in_python)} ticks\n"
 
 

@@ -15,13 +15,8 @@ from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_trainer.rollout import rollout
 
-CONTROLLER = ControllerParameters(
-    controller="rl-cbf-clf-qp",
-    adaptation="identification",
-    objective="pd_centred",
-    gait="paper_stones",
-    stone_margin=0.01,
-)
+OURS = {"controller": "rl-cbf-clf-qp", "adaptation": "identification", "objective": "pd_centred"}
+CONTROLLER = ControllerParameters(**OURS, gait="paper_stones", stone_margin=0.01)
 
 
 @pytest.mark.parametrize(("plant", "scale"), [("pybullet", 1.0), ("mujoco", 2.0), ("rigid", 2.0)])

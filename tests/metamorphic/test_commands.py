@@ -32,13 +32,9 @@ def test_the_walk_through_nodes_and_its_replay(tmp_path_factory: pytest.TempPath
     """But for the oracle, which no node has. A refused tick is in no recording."""
     assume(run.policy != "oracle")
     folder, run = tmp_path_factory.mktemp("walk"), whole(run)
-    options = WalkOptions(seed=run.seed, trainer=False)
-    policy = resolve_policy(run.policy, run.controller)
-    walk_through(
-        WalkSettings(
-            folder=folder, options=options, simulation=run.simulation, controller=run.controller, policy=policy
-        )
-    )
+    options, policy = WalkOptions(seed=run.seed, trainer=False), resolve_policy(run.policy, run.controller)
+    parts = {"simulation": run.simulation, "controller": run.controller, "policy": policy}
+    walk_through(WalkSettings(folder=folder, options=options, **parts))
     with run.parts() as parts:
         inside = [tick_of(found) for found in walk(run, parts) if not isinstance(found, str)]
     (episode,) = read_episodes(folder / "recording").values()

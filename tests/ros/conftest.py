@@ -1,15 +1,27 @@
 """Tests that start nodes: on this machine only, each worker on a ROS domain of its own."""
 
 import os
+import signal
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import pytest
+import rclpy
+from rabbit_bringup.launching.processes import PATIENCE, Processes, write_parameters
+from rabbit_common.ros.diagnostics import OK, reader_counts
 from rabbit_common.ros.network import choose_network
+from rabbit_common.ros.qos import TICK
+from rabbit_common.ros.services import call_service
+from rabbit_common.ros.topics import TOPICS, missing_readers
+from rabbit_msgs.msg import Episode
+from rclpy.experimental import EventsExecutor
+from rclpy.qos import QoSProfile
+from rclpy.signals import SignalHandlerOptions
+from std_srvs.srv import SetBool
 
 DOMAINS = 100  # domain ids above 101 may meet the ephemeral ports
 SHORT = {"motor_lag": 0.004, "stones": 3}  # a plant for tests that need a walk, not a result
@@ -30,15 +42,34 @@ def make_package(prefix: Path, name: str, programs: dict[str, str]) -> dict[str,
     return {"AMENT_PREFIX_PATH": f"{prefix}:{os.environ['AMENT_PREFIX_PATH']}"}
 
 
+class NodeProcesses(Processes):
+    """Those of a test, which it may kill and stop."""
+
+    def kill(self, names: Sequence[str]) -> None:
+        """End the named nodes at once."""
+        for name in names:
+            self.send(name, signal.SIGKILL)
+            self.wait(name, PATIENCE)
+
+    def send(self, name: str, number: signal.Signals) -> None:
+        """Send a node a signal."""
+        self.running[name].send_signal(number)
+
+    def pid(self, name: str) -> int:
+        """Process of a running node."""
+        return self.running[name].pid
+
+    def wait(self, name: str, timeout: float) -> int:
+        """Exit code of a node that ends; raises `subprocess.TimeoutExpired`."""
+        code = self.running[name].wait(timeout)
+        del self.running[name]
+        return code
+
+
 class World:
     """Nodes as processes in one namespace, and a node of the test's own that hears and says what it likes there."""
 
     def __init__(self, folder: Path, namespace: str) -> None:
-        import rclpy
-        from node_processes import NodeProcesses
-        from rclpy.experimental import EventsExecutor
-        from rclpy.signals import SignalHandlerOptions
-
         self.folder, self.namespace = folder, namespace
         self.processes = NodeProcesses(folder / "log")
         self._context = rclpy.Context()
@@ -57,8 +88,6 @@ class World:
 
         The simulator is paused until `go`; then it walks one episode, whoever plans another.
         """
-        from rabbit_bringup.launching.processes import write_parameters
-
         usual = {"start_paused": True, "episodes": 1, "trainer": "ignore"} if name == "simulator" else {}
         self._nodes.append(name)
         path = self.folder / f"{name}.yaml"
@@ -87,8 +116,6 @@ class World:
 
     def ends(self, number: int = 0) -> list[Any]:
         """The announcements of episodes' ends that were heard, of all or of this number."""
-        from rabbit_msgs.msg import Episode
-
         return [e for e in self.hear("episode") if e.phase == Episode.ENDED and number in (0, e.episode)]
 
     def ended(self, number: int = 0) -> Any:
@@ -114,10 +141,6 @@ class World:
 
     def hear(self, name: str) -> list[Any]:
         """All messages of a topic from now on, and those that are latched; as a recorder, with a deep queue."""
-        from rabbit_common.ros.qos import TICK
-        from rabbit_common.ros.topics import TOPICS
-        from rclpy.qos import QoSProfile
-
         if name not in self._heard:
             (topic,) = (topic for topic in TOPICS if topic.name == name)
             self._heard[name] = []
@@ -128,15 +151,10 @@ class World:
 
     def go(self) -> None:
         """Let the simulator begin, once all hear each other and the test hears what it wants to."""
-        from std_srvs.srv import SetBool
-
         self.wait(lambda: not self._not_ready())
         assert self.ask(SetBool, "pause", data=False).success
 
     def _not_ready(self) -> list[str]:
-        from rabbit_common.ros.diagnostics import OK, reader_counts
-        from rabbit_common.ros.topics import TOPICS, missing_readers
-
         said = {s.name.split("/")[-1]: s for m in self.hear("diagnostics") for s in m.status}
         told = {name: n for s in said.values() for name, n in reader_counts(s).items() if name != "diagnostics"}
         published = {t.name for t in TOPICS if t.publisher in self._nodes}
@@ -147,8 +165,6 @@ class World:
 
     def say(self, name: str, message: Any) -> None:
         """Publish on a topic, once somebody listens."""
-        from rabbit_common.ros.topics import TOPICS
-
         if name not in self._publishers:
             (topic,) = (topic for topic in TOPICS if topic.name == name)
             publisher = self.node.create_publisher(topic.type, name, topic.qos)
@@ -159,8 +175,6 @@ class World:
 
     def ask(self, kind: Any, name: str, **fields: Any) -> Any:
         """Call a service."""
-        from rabbit_common.ros.services import call_service
-
         client = self.node.create_client(kind, name)
         answer = call_service(client, kind.Request(**fields), self.spin, 180.0)
         self.node.destroy_client(client)
@@ -184,8 +198,6 @@ class World:
 
     def close(self) -> None:
         """End all."""
-        import rclpy
-
         self.processes.stop()
         self._executor.remove_node(self.node)
         self._executor.shutdown()
@@ -196,9 +208,6 @@ class World:
 @contextmanager
 def in_process(make: Callable[[], Any], *words: str) -> Iterator[Any]:
     """A node of this process under these ROS arguments; it is gone afterwards, also after a failed test."""
-    import rclpy
-    from rclpy.signals import SignalHandlerOptions
-
     rclpy.init(args=["--ros-args", *words, "--log-level", "fatal"], signal_handler_options=SignalHandlerOptions.NO)
     node = make()
     try:

@@ -49,21 +49,15 @@ Rights = dict[str, set[str]]  # names by publish, subscribe, reply, request
 
 
 def allowed(profile: ElementTree.Element) -> Rights:
-    """What a profile allows, by full names."""
+    """What a profile allows, by full names as SROS 2 reads them."""
     rights: Rights = {"publish": set(), "subscribe": set(), "reply": set(), "request": set()}
     for rule in profile:
         for qualifier in QUALIFIERS[rule.tag]:
             if rule.get(qualifier) is not None:
                 assert rule.get(qualifier) == "ALLOW"
-                rights[qualifier] |= {full_name(str(name.text), profile) for name in rule}
+                names = [str(name.text).replace("~", f"/{profile.get('node')}") for name in rule]
+                rights[qualifier] |= {name if name.startswith("/") else f"/{name}" for name in names}
     return rights
-
-
-def full_name(name: str, profile: ElementTree.Element) -> str:
-    """As SROS 2 reads it."""
-    if name.startswith("~"):
-        return f"/{profile.get('node')}{name[1:]}"
-    return name if name.startswith("/") else f"/{name}"
 
 
 def enclaves() -> dict[str, dict[str, Rights]]:

@@ -41,7 +41,8 @@ class Chromium:
         profile = Path(self._stack.enter_context(tempfile.TemporaryDirectory(ignore_cleanup_errors=True)))
         command = [str(find_chromium()), *OPTIONS, f"--user-data-dir={profile}", "about:blank"]
         self._process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        self._stack.callback(self._end)
+        self._stack.callback(self._process.wait, timeout=30)
+        self._stack.callback(self._process.terminate)
         known = profile / "DevToolsActivePort"
         wait(lambda: known.exists() and known.read_text().count("\n") == 1)
         self._port = int(known.read_text().split()[0])
@@ -49,10 +50,6 @@ class Chromium:
 
     def __exit__(self, *_: object) -> None:
         self._stack.close()
-
-    def _end(self) -> None:
-        self._process.terminate()
-        self._process.wait(timeout=30)
 
     def open(self, address: str, offline: bool = False) -> "Page":
         """A new page at `address`, with the network off if `offline`."""

@@ -1,7 +1,7 @@
 """Short runs that hypothesis draws, and their digits: two roads to a run must give the same ones."""
 
 import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from dataclasses import astuple, dataclass, fields, is_dataclass
 from typing import Any
@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from hypothesis import strategies as st
 from pydantic import BaseModel, ConfigDict
-from rabbit_description.state import RobotState
 from rabbit_experiments.assembly import Assembly, resolve_policy
 from rabbit_sim.parameters import SimulationParameters, marked
 from rabbit_sim.perturbation import ENGINES_ALONE
@@ -112,20 +111,6 @@ def digits(run: Run, parts: Parts | None = None) -> Digits:
         return [tick_of(found) for found in walk(run, parts)]
     with run.parts() as new:
         return digits(run, new)
-
-
-def replay(run: Run, states: Iterable[RobotState]) -> Digits:
-    """What a new controller, made ready as a node makes its own, says to the states of a run."""
-    found: Digits = []
-    with run.parts() as (_, controller):
-        controller.rehearse()
-        controller.reset(run.seed)
-        for state in states:
-            try:
-                found.append(Tick.of(Record(state, controller.step(state))))
-            except (ControllerError, np.linalg.LinAlgError) as error:
-                return [*found, tick_of(str(error))]
-    return found
 
 
 def assert_same(found: Digits, expected: Digits, run: Run, road: str) -> None:

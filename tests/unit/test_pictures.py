@@ -86,21 +86,16 @@ def test_walks_with_other_ticks_are_filmed_at_one_pace(monkeypatch: pytest.Monke
     """The rows of a walk and of one with ticks twice as long, in each frame to the end of the second."""
     shown: dict[float, list[int]] = {0.01: [], 0.02: []}
 
-    class Rows:
-        fall = None
-
-        def __init__(self, walk: Any, has_legend: bool) -> None:
-            self._rows = shown[walk.tick_seconds]
-
-        def frame(self, row: int) -> Any:
-            self._rows.append(row)
+    def scene(walk: Any, has_legend: bool) -> Any:
+        def frame(row: int) -> Any:
+            shown[walk.tick_seconds].append(row)
             return np.zeros((1, 1, 4))
 
-    monkeypatch.setattr(video, "Scene", Rows)
-    walks: Any = [
-        SimpleNamespace(tick=range(101), tick_seconds=0.01),
-        SimpleNamespace(tick=range(41), tick_seconds=0.02),
-    ]
+        return SimpleNamespace(fall=None, frame=frame)
+
+    monkeypatch.setattr(video, "Scene", scene)
+    lengths = ((101, 0.01), (41, 0.02))
+    walks: Any = [SimpleNamespace(tick=range(ticks), tick_seconds=seconds) for ticks, seconds in lengths]
     list(video._frames(walks, speed=1.0))
     for row, other in zip(*shown.values(), strict=True):
         assert other == min(row // 2, 40)
