@@ -1,31 +1,34 @@
-"""What `rabbit export` writes: compiled, it walks as in Python."""
+"""What `rabbit export` writes: compiled, it walks as in Python. A tick has the same bits however it is computed."""
 
 import ctypes
 import re
 import subprocess
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import astuple, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from cbf_clf_qp.compiled import COMPILE
+from rabbit_description.state import RobotState
 from rabbit_description.task_source import load_task
 from rabbit_estimator.contact_aided_filter import sensors_row
 from rabbit_experiments.assembly import Assembly, exported_estimator, resolve_policy
 from rabbit_sim.c_example import ExampleError, check_plant, write_example
 from rabbit_sim.parameters import SimulationParameters
+from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.export import ExportError, export, export_ride
 from rl_cbf_clf_controller.kinds import NAMES
 from rl_cbf_clf_controller.parameters import load_parameters
 from rl_cbf_clf_controller.task_controller import TaskController
-from rl_trainer.rollout import Record, rollout
 from rl_trainer.task_episode import ride_of
 from rl_trainer.task_training import train
+from walked import walked
 
 SEED, STONES = 17, 6
 EXAMPLES = Path(__file__).parents[2] / "examples"
-
-
 THOROUGH = pytest.mark.thorough
 CASES = [
     ("ours", "zero", {"mass_scale": 1.0}),
@@ -41,14 +44,13 @@ def test_each_torque_has_the_bits_of_pythons(name: str, policy: str, plant: dict
     own, terrain = {"controller": name} if name in NAMES else {}, plant.get("terrain", "stones")
     parameters = load_parameters("ours" if own else name, terrain, qp_solver="daqp", **own)
     robot = SimulationParameters(**{"plant": "mujoco", "mass_scale": 2.0, "stones": STONES, **plant})
-    simulation, controller = Assembly(robot, parameters, resolve_policy(policy, parameters)).build()
+    parts = Assembly(robot, parameters, resolve_policy(policy, parameters))
+    simulation, controller = parts.build()
     export(controller, tmp_path, None, exported_estimator(robot))
     write_example(tmp_path, simulation, SEED)
     subprocess.run(["make", "-s", "-C", tmp_path], check=True)
     said = subprocess.run(["./example", "torques"], cwd=tmp_path, check=True, capture_output=True, text=True).stdout
-    records = list[Record]()
-    rollout(simulation, controller, SEED, records.append)
-    in_python = np.array([record.output.torque for record in records])
+    in_python = np.array([record.output.torque for record in walked(parts, SEED)[0]])
     assert (tmp_path / "torques").read_bytes() == in_python.tobytes()
     assert said == f"{STONES} of {STONES} stones in {len(in_python)} ticks\n"
 
@@ -147,3 +149,42 @@ def test_a_task_answers_a_rides_readings_as_in_python(name: str, controller: str
     made.policy = "oracle"
     with pytest.raises(ExportError, match="policy oracle"):
         export(made, tmp_path / "out")
+
+
+THREADS = 2
+FIELDS = "torque", "mu", "eta", "alpha", "beta", "margins", "slacks", "multipliers", "measured", "identified"
+CONTROLLERS: dict[str, dict[str, Any]] = {
+    **{name: {} for name in (*NAMES, "best")},
+    **{"rl-cbf-clf-qp, exploring": {"sigma": 5.0}, "rl-cbf-clf-qp, osqp": {"qp_solver": "osqp"}},
+}
+
+
+def assembly_of(name: str, changes: dict[str, Any]) -> Assembly:
+    kind = {} if name == "best" else {"controller": name.split(",")[0]}
+    parameters = load_parameters("ours" if kind else "best", **{"qp_solver": "daqp", **kind, **changes})
+    plant = SimulationParameters(plant="mujoco", mass_scale=2.0, stones=3, terrain=parameters.terrain)
+    return Assembly(plant, parameters, resolve_policy(None, parameters))
+
+
+def ticks(controller: Controller, states: Sequence[RobotState]) -> list[tuple[bytes, ...]]:
+    controller.reset(SEED)
+    outputs = [controller.step(state) for state in states]
+    return [tuple(np.asarray(getattr(output, name)).tobytes() for name in FIELDS) for output in outputs]
+
+
+@pytest.mark.parametrize(
+    "name", [kind if kind == "cbf-clf-qp" else pytest.param(kind, marks=THOROUGH) for kind in CONTROLLERS]
+)
+def test_a_tick_has_the_same_bits_wherever_it_is_computed(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    assembly = assembly_of(name, CONTROLLERS[name])
+    monkeypatch.setenv(COMPILE, "0")
+    states = [record.state for record in walked(assembly, SEED)[0]]
+    expected = ticks(assembly.make_controller(), states)
+    assert len(set(expected)) > len(expected) // 2  # they differ from tick to tick
+    monkeypatch.delenv(COMPILE)
+    compiled = [assembly.make_controller() for _ in range(THREADS)]
+    for controller in compiled:
+        controller.compile(wait=True)
+    assert ticks(compiled[0], states) == expected
+    with ThreadPoolExecutor(THREADS) as pool:
+        assert all(found == expected for found in pool.map(ticks, compiled, [states] * THREADS))

@@ -126,10 +126,9 @@ def faults(world: Any) -> list[str]:
 
 @pytest.mark.timeout(3600)
 def test_the_graph_of_a_walk(world: Any) -> None:
-    controller = {"controller": "rl-cbf-clf-qp"}
     world.start("simulator", sensors="lab", episodes=0, **SHORT)
     world.start("estimator")
-    world.start("controller", **controller)
+    world.start("controller", controller="rl-cbf-clf-qp")
     world.start("trainer", plan_episodes=False, hidden1=4, hidden2=4, batch=4, updates_least=1, capacity=500)
     world.start("recorder", path=str(world.folder / "recording"))
     world.start("viewer", port=0, browser=False, control=True)

@@ -142,9 +142,8 @@ def test_a_missed_deadline_is_told_and_one_of_no_topic_is_refused(world: Any) ->
     world.start("controller")
     world.ended()  # nothing is said any more
     world.wait(lambda: any("deadline missed" in status.message for status in world.statuses("simulator")))
-    (state, episode) = (
-        world.node.get_publishers_info_by_topic(f"/{world.namespace}/{n}") for n in ("state", "episode")
-    )
+    topics = (f"/{world.namespace}/{name}" for name in ("state", "episode"))
+    state, episode = map(world.node.get_publishers_info_by_topic, topics)
     assert [publisher.qos_profile.deadline.nanoseconds for publisher in state] == [50_000_000]
     assert episode[0].qos_profile.deadline.nanoseconds > 10**12
     world.start("estimator", **{deadline % "torque": 50_000_000})  # which does not publish it

@@ -120,7 +120,7 @@ TASK = ControlTask(
 def test_a_rover_is_filtered_from_odometry_to_twist_and_stops_where_states_fall_silent(world: Any) -> None:
     path = world.folder / "rover.py"
     path.write_text(ROVER)
-    said, twists = world.hear("diagnostics"), hear(world, Twist, "cmd_vel", 10)
+    twists = hear(world, Twist, "cmd_vel", 10)
     topics = {"input": "odom", "output": "cmd_vel", "filters": True, "stale": 1.0, "stale_wanted": 60.0}
     world.start_task("controller", str(path), "robot_controller", **topics)
     odometry = world.node.create_publisher(Odometry, "odom", qos_profile_sensor_data)
@@ -139,16 +139,15 @@ def test_a_rover_is_filtered_from_odometry_to_twist_and_stops_where_states_fall_
 
         world.wait(goes_on)
 
-    drives(lambda: any(v.key == "accepted state" for m in said for s in m.status for v in s.values))
+    drives(lambda: "accepted state" in world.told("controller"))
     wanted.publish(Float64MultiArray(data=[2.0, 0.5]))
     assert world.ask(SetBool, "pause", data=False).success
     drives(lambda: twists[-1].linear.x > 0.4)
     slack = 1.5 / 1e6  # of last resort, for 1.5 m/s more; v <= 2 - 1.2 - 0.3
     assert (twists[-1].linear.x, twists[-1].angular.z) == pytest.approx((0.5 + slack, 0.5), abs=1e-8)
     world.wait(lambda: twists[-1].linear.x == twists[-1].angular.z == 0)
-    world.wait(
-        lambda: any(s.level == s.ERROR and "paused: no state for 1." in s.message for m in said for s in m.status)
-    )
+    last = "paused: no state for 1."
+    world.wait(lambda: any(s.level == s.ERROR and last in s.message for s in world.statuses("controller")))
 
 
 def test_nothing_is_measured_over_a_pause(tmp_path: Path) -> None:

@@ -17,10 +17,8 @@ from std_srvs.srv import SetBool
 from .conftest import SHORT
 
 PLANT = {"motor_lag": 0.004, "stones": 3, "sensors": "lab", "gait": "paper_stones"}
-PARAMETERS = {
-    **{"controller": "rl-cbf-clf-qp", "adaptation": "identification", "objective": "pd_centred"},
-    **{"gait": "paper_stones", "stone_margin": 0.01},
-}
+PARAMETERS = {"controller": "rl-cbf-clf-qp", "adaptation": "identification", "objective": "pd_centred"}
+PARAMETERS |= {"gait": "paper_stones", "stone_margin": 0.01}
 
 
 def test_an_estimator_that_comes_in_the_middle_says_so_and_the_next_episode_walks(world: Any) -> None:
@@ -65,8 +63,7 @@ STOPS, SECONDS = 12, 2.0
 
 
 @pytest.mark.timeout(900)
-def test_a_recorder_that_was_stopped_catches_up_each_time(make_world: Any) -> None:
-    world = make_world("stopped")
+def test_a_recorder_that_was_stopped_catches_up_each_time(world: Any) -> None:
     states = world.hear("state")
     world.walk(records=True, **SHORT, episodes=10_000, pace=0.5)
 
@@ -83,8 +80,7 @@ def test_a_recorder_that_was_stopped_catches_up_each_time(make_world: Any) -> No
 
 
 @pytest.mark.timeout(600)
-def test_the_broken_episode_ends_under_the_seed_noise_and_policy_it_began_with(make_world: Any) -> None:
-    world = make_world("memory")
+def test_the_broken_episode_ends_under_the_seed_noise_and_policy_it_began_with(world: Any) -> None:
     announced, states = world.hear("episode"), world.hear("state")
     own = {**SHORT, "memory": str(world.folder / "memory"), "episodes": 2, "trainer": "follow", "pace": 1.0}
     world.start("simulator", **own)

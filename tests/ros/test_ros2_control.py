@@ -183,10 +183,9 @@ def test_a_robot_elsewhere_is_not_enabled_and_told_why(world: Any) -> None:
     world.processes.start("guard", world.space, "command_guard", "rabbit_bringup")
     world.processes.start("bridge", (*world.space, "-p", "stale:=30.0"), "ros2_control", "rabbit_bringup")
     assert world.ask(SetBool, "pause", data=False).message == "no sensors: joint_states has said nothing"
-    publishers = {
-        name: world.node.create_publisher(type(message), name, qos_profile_sensor_data)
-        for name, message in hanging(header(0)).items()
-    }
+    kinds = {name: type(message) for name, message in hanging(header(0)).items()}
+    publish = world.node.create_publisher
+    publishers = {name: publish(kind, name, qos_profile_sensor_data) for name, kind in kinds.items()}
     ticks = count(1)
     world.wait(lambda: all(publisher.get_subscription_count() for publisher in publishers.values()))
 
