@@ -55,15 +55,13 @@ def test_pause_holds_between_two_ticks_and_changes_nothing(world: Any) -> None:
     world.spin(0.5)
     assert len(states) == held
     world.ask(SetBool, "pause", data=False)
-    world.ended()
-    first = torques(world, commands, episodes[-1])
+    first = torques(world, commands, world.ended())
     commands.clear()
     world.ask(SetBool, "pause", data=True)
     assert world.ask(ResetEpisode, "reset_episode", seed=3).episode == 2
     world.wait(lambda: episodes[-1].episode == 2 and episodes[-1].phase == Episode.PAUSED)
     world.ask(SetBool, "pause", data=False)
-    world.ended(2)
-    np.testing.assert_array_equal(torques(world, commands, episodes[-1]), first)
+    np.testing.assert_array_equal(torques(world, commands, world.ended(2)), first)
 
 
 def test_wrong_messages_are_refused_counted_and_told(world: Any) -> None:
