@@ -213,7 +213,7 @@ def test_rabbit_walk_learns_on_a_task_and_its_recording_replays(tmp_path: Path) 
     assert (out / "pictures" / "rows.png").is_file()
     summary = json.loads((out / "summary.json").read_text())
     assert (summary["task"], summary["walked"], summary["exit_code"], summary["ticks"]) == ("segway", True, 0, 2400)
-    rows = [(row["seed"], row["outcome"], row["ticks"]) for row in summary["episodes"]]
+    rows = [(row["run"], row["outcome"], row["ticks"]) for row in summary["episodes"]]
     assert rows == [(k, "done", 800) for k in (1, 2, 3)]
     checked = rabbit("bag", "check", out / "recording", "--task", task)
     said = [f"episode {k}: 800 ticks, 0 lost, 800 replayed, inputs identical" for k in (1, 2, 3)]
