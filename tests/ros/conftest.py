@@ -127,13 +127,13 @@ class World:
         """What a node has said of itself."""
         return [s for m in self.hear("diagnostics") for s in m.status if s.name.endswith(f"/{node}")]
 
-    def told(self, node: str) -> dict[str, str]:
+    def figures(self, node: str) -> dict[str, str]:
         """The newest figures in a node's diagnostics, by name; none before the first."""
         return {figure.key: str(figure.value) for said in self.statuses(node)[-1:] for figure in said.values}
 
     def refused(self, node: str) -> dict[str, int]:
         """How many messages a node says that it has refused, by the reason."""
-        return {key: int(value) for key, value in self.told(node).items() if key.startswith("refused")}
+        return {key: int(value) for key, value in self.figures(node).items() if key.startswith("refused")}
 
     def log(self, name: str) -> str:
         """What a node has logged so far."""
@@ -206,16 +206,24 @@ class World:
 
 
 @contextmanager
-def in_process(make: Callable[[], Any], *words: str) -> Iterator[Any]:
-    """A node of this process under these ROS arguments; it is gone afterwards, also after a failed test."""
-    rclpy.init(args=["--ros-args", *words, "--log-level", "fatal"], signal_handler_options=SignalHandlerOptions.NO)
-    node = make()
+def closing_node(node: Any) -> Iterator[Any]:
+    """The node, which is gone from the graph afterwards, also after a failed test."""
     try:
         yield node
     finally:
         if hasattr(node, "close"):
             node.close()
         node.destroy_node()
+
+
+@contextmanager
+def in_process(make: Callable[[], Any], *words: str) -> Iterator[Any]:
+    """A node of this process under these ROS arguments; it is gone afterwards, also after a failed test."""
+    rclpy.init(args=["--ros-args", *words, "--log-level", "fatal"], signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        with closing_node(make()) as node:
+            yield node
+    finally:
         rclpy.try_shutdown()
 
 

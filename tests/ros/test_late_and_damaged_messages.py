@@ -7,7 +7,6 @@ import math
 import time
 from array import array
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from copy import copy
 from typing import Any
 
@@ -32,6 +31,8 @@ from rl_cbf_clf_controller.ros.node import ControllerNode
 from rl_trainer.ros.node import TrainerNode
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
+
+from .conftest import closing_node
 
 PARAMETERS = ControllerParameters(controller="rl-cbf-clf-qp")
 
@@ -81,17 +82,6 @@ def ros(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     rclpy.init(args=["--ros-args", *words, "--log-level", "fatal"], signal_handler_options=SignalHandlerOptions.NO)
     yield
     rclpy.try_shutdown()
-
-
-@contextmanager
-def closing_node(node: Any) -> Iterator[Any]:
-    """The node, which is gone from the graph afterwards, also after a failed test."""
-    try:
-        yield node
-    finally:
-        if hasattr(node, "close"):
-            node.close()
-        node.destroy_node()
 
 
 def callbacks(node: Any) -> dict[str, Callable[..., None]]:

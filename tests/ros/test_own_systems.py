@@ -139,7 +139,7 @@ def test_a_rover_is_filtered_from_odometry_to_twist_and_stops_where_states_fall_
 
         world.wait(goes_on)
 
-    drives(lambda: "accepted state" in world.told("controller"))
+    drives(lambda: "accepted state" in world.figures("controller"))
     wanted.publish(Float64MultiArray(data=[2.0, 0.5]))
     assert world.ask(SetBool, "pause", data=False).success
     drives(lambda: twists[-1].linear.x > 0.4)

@@ -179,8 +179,8 @@ def test_a_planned_policy_is_waited_for_whatever_others_publish_under_its_name(w
 def test_no_thread_of_a_controller_with_a_priority_is_ordinary(world: Any) -> None:
     """One that checks policies holds the interpreter's lock now and then; a busy machine must not keep it there."""
     world.start("controller", priority=20, **PARAMETERS.model_dump())
-    world.wait(lambda: "scheduling" in world.told("controller"))
-    if world.told("controller")["scheduling"] == "ordinary":
+    world.wait(lambda: "scheduling" in world.figures("controller"))
+    if world.figures("controller")["scheduling"] == "ordinary":
         pytest.skip("this user may not take SCHED_FIFO")
     process = world.processes.pid("controller")
     threads = [int(thread.name) for thread in Path(f"/proc/{process}/task").iterdir()]

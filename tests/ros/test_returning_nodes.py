@@ -68,7 +68,7 @@ def test_a_recorder_that_was_stopped_catches_up_each_time(world: Any) -> None:
     world.walk(records=True, **SHORT, episodes=10_000, pace=0.5)
 
     def recorded() -> tuple[int, int]:
-        episode, tick = world.told("recorder")["episode, tick"].split()
+        episode, tick = world.figures("recorder")["episode, tick"].split()
         return int(episode), int(tick)
 
     for _ in range(STOPS):

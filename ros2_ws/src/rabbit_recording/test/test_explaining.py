@@ -23,7 +23,7 @@ def rabbit(*words: object) -> Result:
 
 @pytest.mark.parametrize("tick", [0, 30, 60])
 def test_the_rows_are_those_that_were_recorded(tmp_path: Path, write_bag: WriteBag, tick: int) -> None:
-    """Names, slacks, multipliers, margins to the bounds that are told, but for the slack; and the model's values."""
+    """So are the values of the model. Bounds leave the recorded margin where a row has no slack."""
     told = explain_tick(bag := write_bag(tmp_path / "bag"), tick)
     output, explained = last_episode(bag).records[tick].output, told.explanation.rows
     assert (told.changed == ["it is the first"]) == (tick == 0)

@@ -20,12 +20,12 @@ TORQUE, RATES = np.array([1.0, 2.0, 3.0, 4.0]), np.array([1.0, -1.0, 0.5, 0.0])
 @pytest.mark.parametrize("damped", [1, 10])
 def test_a_dead_controller_is_held_for_then_damped_then_it_ends(held: int, damped: int) -> None:
     """One answer, and then none until the episode is over."""
-    stand_in, told = StandIn(held, damped, DAMPING), []
+    stand_in, answers = StandIn(held, damped, DAMPING), []
     stand_in.answer(0, TORQUE)
     while not stand_in.is_over:
-        told.append(stand_in.missed(1 + len(told), RATES))
-    assert [source for _, source in told] == [Source.HELD] * held + [Source.DAMPING] * damped
-    for torque, source in told:
+        answers.append(stand_in.missed(1 + len(answers), RATES))
+    assert [source for _, source in answers] == [Source.HELD] * held + [Source.DAMPING] * damped
+    for torque, source in answers:
         assert np.array_equal(torque, TORQUE if source is Source.HELD else -DAMPING * RATES)
     assert stand_in.verdict("running")[0] == stand_in.verdict("fall")[0] == "silent"
 

@@ -87,11 +87,11 @@ class EpisodeReport:
 
     @property
     def scalars(self) -> dict[str, float]:
-        """What curve.csv and TensorBoard tell of it, by name."""
-        told = {f"episode/{name}": float(getattr(self, name)) for name in ("steps", "ticks", "kept", "failed", "sigma")}
+        """Its numbers in curve.csv and TensorBoard, by name."""
+        row = {f"episode/{name}": float(getattr(self, name)) for name in ("steps", "ticks", "kept", "failed", "sigma")}
         for group in ("reward", "losses", "left_out"):
-            told |= {f"{group}/{name}": value for name, value in getattr(self, group).items()}
-        return told
+            row |= {f"{group}/{name}": value for name, value in getattr(self, group).items()}
+        return row
 
 
 class Trainer:

@@ -11,6 +11,7 @@ from rabbit_common import exit_codes
 from rabbit_common.executables import LaunchError
 from rabbit_common.exit_codes import ExitCode, Interrupted
 from rabbit_common.own_folder import own_folder
+from rabbit_description.task import ControlTask
 from rabbit_description.task_source import load_task
 from rabbit_recording import RecordingError
 from rabbit_recording.task_recording import recorded_ride
@@ -72,7 +73,8 @@ def complain(text: object) -> None:
 def _leave(walk: WalkSettings, code: ExitCode, seconds: float) -> None:
     """Summary, pictures and film from the recording; raises `RecordingError`."""
     recording = walk.folder / "recording"
-    summary = write_summary(walk, recording, code, seconds)
+    task = _task_of(walk)
+    summary = write_summary(walk, task, recording, code, seconds)
     print(f"{summary['ticks']} ticks in {seconds:.1f} s: {summary['real_time_factor'] or 0:.1f} times real time")
     if timing := summary["real_time"]:
         print(
@@ -81,9 +83,9 @@ def _leave(walk: WalkSettings, code: ExitCode, seconds: float) -> None:
         )
     if not summary["ticks"]:
         return
-    if walk.options.task:
+    if task:
         if walk.options.pictures:
-            ride = recorded_ride(load_task(walk.options.task), recording)
+            ride = recorded_ride(task, recording)
             for path in draw_ride(ride, own_folder(walk.folder / "pictures", "walk"), video=walk.options.video):
                 print(path)
         return
@@ -113,12 +115,21 @@ def _rescued(walk: WalkSettings, error: LaunchError) -> str:
             note = f"; unfinished: {recording}; `rabbit bag recover {recording}` makes a whole one of it"
             recording = recover(recording).path
             note += f", as {recording}"
-        write_summary(walk, recording, error.code, None, str(error))
+        write_summary(walk, _task_of(walk), recording, error.code, None, str(error))
     return note
 
 
+def _task_of(walk: WalkSettings) -> ControlTask | None:
+    return load_task(walk.options.task) if walk.options.task else None
+
+
 def write_summary(
-    walk: WalkSettings, recording: Path, code: ExitCode, seconds: float | None, failure: str = ""
+    walk: WalkSettings,
+    task: ControlTask | None,
+    recording: Path,
+    code: ExitCode,
+    seconds: float | None,
+    failure: str = "",
 ) -> dict[str, Any]:
     """Write `summary.json`, a row an episode; of RABBIT as in `rabbit evaluate`, with `records.npz` of the last one.
 
@@ -132,7 +143,6 @@ def write_summary(
     from rabbit_recording.timing import real_time_figures
 
     rows, ticks, simulated, last = [], 0, 0.0, None
-    task = load_task(walk.options.task) if walk.options.task else None
     for episode in iterate_episodes(recording, task):
         rows.append((_figures_of_ride(episode) if task else _figures_of_walk(walk, episode)) | _about(episode))
         ticks += len(episode.records)
