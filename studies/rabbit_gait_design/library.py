@@ -1,14 +1,18 @@
 """Gait libraries by trajectory optimisation: one specification over step lengths, each with its speed, and slopes."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import groupby, product
 from math import hypot
 from typing import Any
 
 from pydantic import ValidationError
 from rabbit_description.gait import Gait, GaitLibrary
 from rabbit_description.validation import one_line
+from rabbit_experiments.cache import Cache, Job, JobError
+from rabbit_experiments.engine import run
 
-from rabbit_gait_design.design import Progress, design_gait
+from rabbit_gait_design.design import GaitDesignError, design_gait
 from rabbit_gait_design.specification import GaitSpecification
 
 ABOVE_THE_CIRCLE = 0.03  # m, room for the swing foot above B2's circle
@@ -39,21 +43,37 @@ def library_specifications(
         raise ValueError(one_line(error)) from error
 
 
+@dataclass(frozen=True)
+class GaitSearch(Job):
+    """The search for a gait, which begins with the path of a neighbour."""
+
+    specification: GaitSpecification
+    neighbour: Gait | None
+    model = Gait
+
+    def do(self) -> Gait:
+        try:
+            return design_gait(self.specification, guess=self.neighbour)
+        except GaitDesignError as error:
+            raise JobError(str(error)) from error
+
+
 def design_library(
     base: GaitSpecification,
     lengths: Sequence[float],
-    speed_slope: float = 0.0,
-    slopes: Sequence[float] = (),
-    progress: Callable[[str], Progress] | None = None,
+    speed_slope: float,
+    slopes: Sequence[float],
+    cache: Cache,
+    processes: int | str = 1,
 ) -> GaitLibrary:
-    """Find the library's gaits; `progress(name)` gives the progress function of one.
+    """Find the library's gaits that the cache lacks; see `engine.run` for `processes`.
 
     That of `base`'s length and slope, with which a walk starts, is found first, then outwards, each from its
     neighbour's path: found each by itself, they may be gaits of different kinds, between which nothing walks.
 
     Raises:
         ValueError: see `library_specifications`; start's length or slope are not among those given.
-        GaitDesignError: IPOPT found no gait at one of the lengths and slopes.
+        JobError: IPOPT found no gait at one of the lengths and slopes.
     """
     specifications = library_specifications(base, lengths, speed_slope, slopes)
     slopes = slopes or (base.slope,)
@@ -62,25 +82,32 @@ def design_library(
             raise ValueError(f"{what} = {list(among)}: expected {start:g}, the start's, among them")
     designed = dict[Place, Gait]()
     first = (list(slopes).index(base.slope), list(lengths).index(base.step_length))
-    for place, neighbour in outwards(first, (len(slopes), len(lengths))):
-        spec = specifications[place[0]][place[1]]
-        designed[place] = design_gait(spec, progress and progress(spec.name), neighbour and designed[neighbour])
+    for places in outwards(first, (len(slopes), len(lengths))):
+        searches = {(i, j): GaitSearch(specifications[i][j], designed.get(neighbour)) for (i, j), neighbour in places}
+        run([*searches.values()], cache, processes, lambda search, _: search.specification.name)
+        designed |= {place: cache.get(search) for place, search in searches.items()}
     made_by = {"command": "rabbit gait", "specification": base.model_dump(mode="json"), "speed_slope": speed_slope}
     gaits = [designed[place] for place in sorted(designed)]
     return GaitLibrary(name=base.name, start_length=base.step_length, gaits=gaits, metadata=made_by)
 
 
-def outwards(first: Place, size: Place) -> list[tuple[Place, Place | None]]:
-    """All places of a grid of `size` and of each the neighbour that comes before it: along the first slope, then from
-    it to the others."""
-    row, column = first
-    order: list[tuple[Place, Place | None]] = [(first, None)]
-    order += [((row, at), (row, at - 1)) for at in range(column + 1, size[1])]
-    order += [((row, at), (row, at + 1)) for at in range(column - 1, -1, -1)]
-    for at in range(size[1]):
-        order += [((to, at), (to - 1, at)) for to in range(row + 1, size[0])]
-        order += [((to, at), (to + 1, at)) for to in range(row - 1, -1, -1)]
-    return order
+def outwards(first: Place, size: Place) -> Iterable[list[tuple[Place, Place]]]:
+    """All places of a grid of `size`, those together that are equally far from the first, in steps along the rows and
+    columns; and of each the neighbour from which a search begins: along the first row, then from it to the others."""
+
+    def far(place: Place) -> int:
+        return abs(place[0] - first[0]) + abs(place[1] - first[1])
+
+    for _, places in groupby(sorted(product(range(size[0]), range(size[1])), key=far), far):
+        yield [(place, towards(first, place)) for place in places]
+
+
+def towards(first: Place, place: Place) -> Place:
+    """The next row towards the first place; in its row the next column."""
+    (row, column), (to_row, to_column) = place, first
+    if row != to_row:
+        return row + (1 if row < to_row else -1), column
+    return row, column + (column < to_column) - (column > to_column)
 
 
 def _one(

@@ -198,10 +198,15 @@ def episodes_of(recipe: TrainingJob, cache: Cache) -> list[Episode]:
     return rows
 
 
-def retrain(wanted: Sequence[TrainingJob], root: Path, processes: int, engine: str = "pybullet") -> Trained:
-    """Train what is not there yet, over processes of this machine; raises `JobError` where one cannot go on."""
-    trained = under(root, wanted, engine)
+def retrain(wanted: Sequence[TrainingJob], root: Path, processes: int | str, engine: str = "pybullet") -> Trained:
+    """Train what is not there yet, over processes or a cluster whose machines share `root`.
+
+    Raises `JobError` where one cannot go on, or wrote elsewhere.
+    """
+    trained = under(root.absolute(), wanted, engine)
     run([*trained.made.values()], Cache(root / "cache"), processes)
+    if missing := [trained.policy(recipe) for recipe in wanted if not trained.policy(recipe).is_file()]:
+        raise JobError(f"{missing[0]}: is not there: expected workers that share the folder {root}")
     write_rows(root / "episodes.csv", Episode, trained.episodes())
     return trained
 

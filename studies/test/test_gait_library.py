@@ -1,5 +1,7 @@
 """Gait libraries: what lies between two gaits; the model of the speed from step to step."""
 
+from pathlib import Path
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -8,6 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rabbit_description.gait import GaitLibrary, load_gaits
 from rabbit_experiments.assembly import AssemblyError
+from rabbit_experiments.cache import Cache
+from rabbit_gait_design.library import GaitSearch, design_library, outwards
+from rabbit_gait_design.specification import GaitSpecification
 from rabbit_gait_design.speed_model.fit import errors, fitted, without_mean
 from rabbit_gait_design.speed_model.walks import Steps, exploring_walks
 from rl_cbf_clf_controller.parameters import load_parameters
@@ -61,6 +66,43 @@ def test_a_step_begins_as_one_gait_and_ends_as_the_other(taken: float, wanted: f
         ends = (np.diff(curve.coeffs, order)[:, -1] for curve in (path, last))
         np.testing.assert_allclose(*begins, atol=1e-12)
         np.testing.assert_allclose(*ends, atol=1e-12)
+
+
+SIZES = st.tuples(st.integers(1, 5), st.integers(1, 5))
+
+
+@given(size=SIZES, data=st.data())
+def test_a_library_is_searched_outwards_each_gait_from_one_beside_it(
+    size: tuple[int, int], data: st.DataObject
+) -> None:
+    """Along the first row, then away from it; each place once, after its neighbour."""
+    first = data.draw(st.tuples(*(st.integers(0, most - 1) for most in size)))
+    (start, *_), *others = outwards(first, size)
+    seen = {start[0]}
+    assert seen == {first}
+    for together in others:
+        new = {place for place, _ in together}
+        assert len(new) == len(together)
+        assert not new & seen
+        for place, neighbour in together:
+            assert neighbour in seen
+            assert np.abs(np.subtract(place, neighbour)).sum() == 1
+            assert place[0] == first[0] or neighbour[1] == place[1]
+        seen |= new
+    assert len(seen) == size[0] * size[1]
+
+
+@pytest.mark.slow
+def test_a_library_goes_on_from_the_gaits_that_are_found_and_is_the_same_over_processes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    base, lengths = GaitSpecification(name="few", intervals=6), (0.34, 0.35, 0.36)
+    together = design_library(base, lengths, 0.1, (), Cache(tmp_path / "two"), 2)
+    design_library(base, lengths[:2], 0.1, (), Cache(tmp_path / "one"))
+    searched, search = list[str](), GaitSearch.do
+    monkeypatch.setattr(GaitSearch, "do", lambda job: searched.append(job.specification.name) or search(job))
+    assert design_library(base, lengths, 0.1, (), Cache(tmp_path / "one")) == together
+    assert searched == ["few_0360"]
 
 
 TRUTH = np.array([0.6, -0.05, 0.15, -0.03])

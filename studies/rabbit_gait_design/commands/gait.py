@@ -1,14 +1,15 @@
 """Find a gait: periodic, within the limits of robot and ground, both stone barriers kept."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import typer
 from pydantic import Field
-from rabbit_common.options import Given, fail, options
+from rabbit_common.options import Given, fail, going_on_from, options
 from rabbit_common.own_folder import own_folder
 from rabbit_description.validation import Checked
+from rabbit_experiments.conditions import ABOUT_CLUSTER, ABOUT_JOBS, who_runs
 
 from rabbit_gait_design.specification import GaitSpecification
 
@@ -28,6 +29,8 @@ class FolderOptions(Checked):
     speed_slope: float = Field(
         0.0, ge=-2, le=2, description="growth of a library's speed with its step length, m/s for each m"
     )
+    jobs: int | None = Field(None, ge=1, le=4096, description=f"of a library: {ABOUT_JOBS}")
+    cluster: str | None = Field(None, description=f"of a library: {ABOUT_CLUSTER}")
 
 
 @app.command()
@@ -35,6 +38,7 @@ class FolderOptions(Checked):
 def gait(given: Given) -> None:
     """Find a gait: periodic, within the limits of robot and ground, both stone barriers kept along it."""
     specification, folder = given.build(GaitSpecification), given.build(FolderOptions)
+    from rabbit_experiments.cache import Cache, JobError
     from rich.console import Console
 
     from rabbit_gait_design.design import GaitDesignError, design_gait
@@ -45,23 +49,19 @@ def gait(given: Given) -> None:
     console = Console()
     try:
         folder.out.mkdir(parents=True, exist_ok=True)
-        with console.status("IPOPT begins") as status:
-
-            def progress(of: str = "") -> Callable[[int, float, float], None]:
-                return lambda *at: status.update(of + progress_text(*at))
-
-            if folder.library:
-                lengths, slopes = folder.library, folder.library_slopes
-                made: Any = design_library(
-                    specification, lengths, folder.speed_slope, slopes, lambda name: progress(f"{name}: ")
-                )
-            else:
-                made = design_gait(specification, progress())
-            save(made, specification, folder.out)
+        if folder.library:
+            cache, processes = Cache(folder.out / "cache"), who_runs(folder.jobs, folder.cluster)
+            wanted = folder.library, folder.speed_slope, folder.library_slopes
+            with going_on_from("the gaits that are found"):
+                made: Any = design_library(specification, *wanted, cache, processes)
+        else:
+            with console.status("IPOPT begins") as status:
+                made = design_gait(specification, lambda *at: status.update(progress_text(*at)))
+        save(made, specification, folder.out)
         show(made.gaits if folder.library else [made], console)
     except ValueError as error:
         fail(f"--library: {error}")
-    except GaitDesignError as error:
+    except (GaitDesignError, JobError) as error:
         fail(error, NOT_FOUND)
     except OSError as error:
         fail(f"--out {folder.out}: {error.strerror}")

@@ -1,6 +1,5 @@
 """Make the paper's figures and tables anew, with its figures beside ours."""
 
-import os
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
@@ -76,7 +75,7 @@ def reproduce(
     with complaints(JobError), going_on_from("the runs that are done"):
         if retrain:
             wanted = dict.fromkeys(recipe for experiment in chosen for recipe in experiment.trainings(size))
-            trained = retrained(list(wanted), out / "training", jobs or os.cpu_count() or 1, plant)
+            trained = retrained(list(wanted), out / "training", processes, plant)
             size = replace(size, trained=trained)
         page, done = make(chosen, size, out, list(known), processes)
     print(f"{done} runs made; written {page}")

@@ -63,6 +63,9 @@ class Gait(GaitFile):
             raise ValueError(f"phase_angle_end = {end} must exceed phase_angle_start = {start}")
         return self
 
+    def __hash__(self) -> int:
+        return hash(self.name)
+
     @property
     def coeffs(self) -> Array:
         """Bézier coefficients, shape (4, 6), rad."""

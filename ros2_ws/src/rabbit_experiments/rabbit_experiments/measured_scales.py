@@ -8,12 +8,15 @@ Those of V are in units of |LgV| + 1, as `Problem` has them.
 
 from collections.abc import Iterable
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 from rl_cbf_clf_controller.problem import LEAST, QUANTILE, ROOM, Scales
 
 from rabbit_experiments.assembly import Assembly
-from rabbit_experiments.evaluation import record_walk
+from rabbit_experiments.cache import Cache
+from rabbit_experiments.engine import run
+from rabbit_experiments.evaluation import RecordedWalk
 from rabbit_experiments.walk_records import WalkRecords
 
 
@@ -21,14 +24,18 @@ class ScalesError(ValueError):
     """Walks on which nothing can be measured."""
 
 
-def measure_scales(assembly: Assembly, seeds: Iterable[int]) -> dict[str, Scales]:
+def measure_scales(
+    assembly: Assembly, seeds: Iterable[int], cache: Cache, processes: int | str = 1
+) -> dict[str, Scales]:
     """`alpha_scale`, `beta_scale`, `error_scale`, each (n,), of the quantities of the assembly's controller.
 
-    Raises `ScalesError` where no walk has two ticks in one step.
+    Raises `ScalesError` where no walk has two ticks in one step, `JobError` as `engine.run`.
     """
+    both = [replace(assembly, policy=policy) for policy in ("oracle", "zero")]
+    walks = [[RecordedWalk(one, seed, title=one.policy) for one in both] for seed in seeds]
+    run([*chain(*walks)], cache, processes)
     alphas, betas, errors = [], [], []
-    for seed in seeds:
-        oracle, nominal = (record_walk(replace(assembly, policy=policy), seed) for policy in ("oracle", "zero"))
+    for oracle, nominal in (map(cache.get, pair) for pair in walks):
         units = units_of(oracle)
         alphas.append(np.abs(oracle.alpha).max(axis=2) / units)
         betas.append(np.abs(oracle.beta) / units)

@@ -12,6 +12,7 @@ from rabbit_description.force_ratio import impact_ticks
 from rabbit_description.gait import load_gait
 from rabbit_description.state import Array, Leg, RobotState, StonePreview
 from rabbit_experiments.assembly import Assembly
+from rabbit_experiments.cache import Cache
 from rabbit_experiments.commands.scales import app
 from rabbit_experiments.measured_scales import measure_scales
 from rabbit_experiments.metrics import RunResult, RunRow, RunTally
@@ -182,10 +183,13 @@ def test_summary_counts() -> None:
 
 
 @pytest.mark.parametrize("scale", [1.0, 2.0])
-def test_what_is_to_be_estimated_of_a_robot_that_is_its_model_and_of_one_twice_as_heavy(scale: float) -> None:
+def test_what_is_to_be_estimated_of_a_robot_that_is_its_model_and_of_one_twice_as_heavy(
+    scale: float, tmp_path: Path
+) -> None:
     """Nothing; and alpha of V is -LgV / 2, in units of |LgV| + 1. A torque's share of the force knows no mass."""
     plant = SimulationParameters(plant="rigid", mass_scale=scale, stones=3, stop_at_miss=False)
-    found = measure_scales(Assembly(plant, load_parameters("ours", controller="rl-cbf-clf-qp"), "oracle"), (5,))
+    assembly = Assembly(plant, load_parameters("ours", controller="rl-cbf-clf-qp"), "oracle")
+    found = measure_scales(assembly, (5,), Cache(tmp_path))
     if scale == 1:
         assert set(found["alpha_scale"]) == set(found["beta_scale"]) == {LEAST}
         return
@@ -199,6 +203,7 @@ def test_the_line_in_a_file_is_written_and_nothing_else(tmp_path: Path) -> None:
     file = tmp_path / "mine.py"
     file.write_text("A = 1\nSCALES: Any = {}\nB = 2\n")
     words = ["--controller", "rl-clf-qp", "--plant", "rigid", "--stones", "2", "--walks", "1", "--into", str(file)]
+    words += ["--jobs", "1", "--out", str(tmp_path / "walks")]
     done = CliRunner().invoke(app, words)
     assert done.exit_code == 0, done.output
     first, line, last = file.read_text().splitlines()
