@@ -14,6 +14,7 @@ from rabbit_experiments.conditions import ABOUT_CLUSTER, ABOUT_JOBS, who_runs
 from rabbit_gait_design.specification import GaitSpecification
 
 NOT_FOUND = 1
+SHOWN = "cost", "peak_torque", "friction_used", "least_normal_force", "foot_height", "eigenvalue"  # of a library
 
 app = typer.Typer(add_completion=False)
 
@@ -75,10 +76,16 @@ def progress_text(iteration: int, cost: float, violation: float) -> str:
 
 
 def show(gaits: Sequence[Any], console: Any) -> None:
-    """A row for each of the figures, a column for each gait."""
+    """The figures of one gait, a row each; some of them of several gaits, a row for each gait."""
     from rich.table import Table
 
-    table = Table("", *(f"{gait.step_length:g} m" + f", {gait.slope:g}°" * bool(gait.slope) for gait in gaits))
-    for name in gaits[0].metadata["figures"]:
-        table.add_row(name, *(f"{gait.metadata['figures'][name]:.4g}" for gait in gaits))
+    figures = [gait.metadata["figures"] for gait in gaits]
+    if len(gaits) == 1:
+        table = Table(show_header=False)
+        for name, value in figures[0].items():
+            table.add_row(name, f"{value:.4g}")
+    else:
+        table = Table("length", "slope", *(name.replace("_", " ") for name in SHOWN), padding=0)
+        for gait, of in zip(gaits, figures, strict=True):
+            table.add_row(f"{gait.step_length:g}", f"{gait.slope:g}", *(f"{of[name]:.4g}" for name in SHOWN))
     console.print(table)
