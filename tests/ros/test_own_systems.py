@@ -215,6 +215,9 @@ def test_rabbit_walk_learns_on_a_task_and_its_recording_replays(tmp_path: Path) 
     assert (summary["task"], summary["walked"], summary["exit_code"], summary["ticks"]) == ("segway", True, 0, 2400)
     rows = [(row["run"], row["outcome"], row["ticks"]) for row in summary["episodes"]]
     assert rows == [(k, "done", 800) for k in (1, 2, 3)]
+    segway = load_task(task)
+    assert all([*row["least_barriers"]] == [barrier.name for barrier in segway.barriers] for row in summary["episodes"])
+    assert all(segway.keeps("done", np.array([*row["least_barriers"].values()])) for row in summary["episodes"])
     checked = rabbit("bag", "check", out / "recording", "--task", task)
     said = [f"episode {k}: 800 ticks, 0 lost, 800 replayed, inputs identical" for k in (1, 2, 3)]
     assert (checked.returncode, checked.stdout.splitlines()) == (0, said)

@@ -144,7 +144,7 @@ def write_summary(
 
     rows, ticks, simulated, last = [], 0, 0.0, None
     for episode in iterate_episodes(recording, task):
-        rows.append((_figures_of_ride(episode) if task else _figures_of_walk(walk, episode)) | _about(episode))
+        rows.append((_figures_of_ride(task, episode) if task else _figures_of_walk(walk, episode)) | _about(episode))
         ticks += len(episode.records)
         simulated += len(episode.records) * episode.tick_seconds
         last = episode if episode.records else last
@@ -176,10 +176,15 @@ def write_summary(
     return summary
 
 
-def _figures_of_ride(episode: Any) -> dict[str, Any]:
-    """A task's `RecordedEpisode`, without what `_about` says."""
-    ticks = len(episode.records)
-    return {"run": episode.number, "seed": episode.seed, "outcome": episode.outcome, "ticks": ticks}
+def _figures_of_ride(task: ControlTask, episode: Any) -> dict[str, Any]:
+    """A `RecordedEpisode` of a task, without what `_about` says."""
+    from rabbit_description.task_state import p_of, x_of
+
+    states = [record.state for record in episode.records] + [episode.end] * (episode.end is not None)
+    barriers = [task.tick.look(x_of(task, state), p_of(state)).barriers.tolist() for state in states]
+    least = {barrier.name: min(values, default=None) for barrier, *values in zip(task.barriers, *barriers, strict=True)}
+    figures = {"run": episode.number, "seed": episode.seed, "outcome": episode.outcome}
+    return figures | {"ticks": len(episode.records), "least_barriers": least}
 
 
 def _figures_of_walk(walk: WalkSettings, episode: Any) -> dict[str, Any]:
