@@ -15,6 +15,7 @@ from rabbit_description.task import ControlTask
 from rabbit_description.task_simulation import TaskSimulation
 from rabbit_description.task_source import load_task
 from rabbit_msgs import msg
+from rabbit_recording.task_recording import recorded_ride
 from rclpy.qos import qos_profile_sensor_data
 from rl_cbf_clf_controller.ros.robot_controller import RobotControllerNode
 from rl_cbf_clf_controller.task_controller import NOMINAL, TaskController
@@ -215,9 +216,8 @@ def test_rabbit_walk_learns_on_a_task_and_its_recording_replays(tmp_path: Path) 
     assert (summary["task"], summary["walked"], summary["exit_code"], summary["ticks"]) == ("segway", True, 0, 2400)
     rows = [(row["run"], row["outcome"], row["ticks"]) for row in summary["episodes"]]
     assert rows == [(k, "done", 800) for k in (1, 2, 3)]
-    segway = load_task(task)
-    assert all([*row["least_barriers"]] == [barrier.name for barrier in segway.barriers] for row in summary["episodes"])
-    assert all(segway.keeps("done", np.array([*row["least_barriers"].values()])) for row in summary["episodes"])
+    replayed = recorded_ride(load_task(task), out / "recording")  # the last episode
+    assert [*summary["episodes"][-1]["least_barriers"].values()] == replayed.barriers.min(axis=0).tolist()
     checked = rabbit("bag", "check", out / "recording", "--task", task)
     said = [f"episode {k}: 800 ticks, 0 lost, 800 replayed, inputs identical" for k in (1, 2, 3)]
     assert (checked.returncode, checked.stdout.splitlines()) == (0, said)
