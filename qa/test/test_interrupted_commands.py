@@ -44,7 +44,10 @@ COMMANDS: dict[str, tuple[tuple[str, ...], Callable[[Path], Any]]] = {
         partial(table, "runs.csv"),
     ),
     "benchmark": (("nominal", *CELL, "--jobs", "2"), partial(table, "benchmark.csv")),
-    "gait": (("--name", "g", "--intervals", "10"), lambda out: (out / "g.yaml").read_bytes()),
+    "gait": (
+        ("--name", "g", "--intervals", "10", "--library", "0.34,0.35,0.36", "--jobs", "2"),
+        lambda out: (out / "g.yaml").read_bytes(),
+    ),
     "train": (TRAINING, lambda out: {name: a.tobytes() for name, a in read(out / "policy.safetensors").arrays.items()}),
 }
 EACH = [pytest.param(name, marks=() if name in ("evaluate", "train") else pytest.mark.slow) for name in COMMANDS]

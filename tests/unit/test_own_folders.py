@@ -24,6 +24,7 @@ FOLDERS = {
     "reproduce": ("stepping-stone", "--quick"),
     "misses": ("--fit-plants", 10),
     "speed": ("--plants", 5),
+    "scales": ("--controller", "rl-clf-qp"),
     "estimator": (),
     "gait": ("--name", "mine"),
     "rival end-to-end": ("--ticks", 1),
