@@ -4,6 +4,7 @@ run(Scenario(assembly, runs=50, seed=9001).walks, Cache(Path("runs/nominal/cache
 """
 
 import os
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from itertools import chain
@@ -31,6 +32,8 @@ from rabbit_experiments.interrupts import interrupts_held
 
 BAR_WIDTH = 20  # characters
 SECONDS_A_WALK = 1.0  # of a core; measured in PyBullet (studies/docs/reproduce.md)
+# loky replaces a worker that has grown by 300 MB, as by the controllers of many methods
+warnings.filterwarnings("ignore", "A worker stopped while some jobs", UserWarning)
 
 
 def run(
