@@ -142,11 +142,12 @@ def rollout_together(
         nonlocal places
         for row, fault in ended.items():
             yield Ended(int(places[row]), simulations.simulations[row], simulations.states[row], fault)
-        rows = np.delete(np.arange(len(places)), [*ended])
-        if ended and rows.size:
-            simulations.keep(rows)
-            controllers.keep(rows)
-        places = places[rows]
+        if ended:
+            rows = np.delete(np.arange(len(places)), [*ended])
+            places = places[rows]
+            if rows.size:
+                simulations.keep(rows)
+                controllers.keep(rows)
 
     while places.size:
         n, begun = len(places), time.perf_counter()
@@ -154,7 +155,7 @@ def rollout_together(
         shares.controller.append((time.perf_counter() - begun) / n)
         observe(places, output)
         faults = output.faults | output.errors
-        torques = np.delete(output.torque, [*faults], axis=0)
+        torques = np.delete(output.torque, [*faults], axis=0) if faults else output.torque
         yield from drop(faults)
         if places.size:
             moved = time.perf_counter()
