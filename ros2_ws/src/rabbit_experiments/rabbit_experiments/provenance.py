@@ -1,10 +1,11 @@
 """Where a result comes from: command and commit; and what decides it: what is asked for, and what it is made with.
 
 asked = plain(job)          names and numbers
-provenance(asked)           content of files, code of classes, versions of libraries
+provenance(asked)           content of files, code of classes, versions of libraries, arithmetic of the processor
 """
 
 import json
+import math
 import os
 import platform
 import subprocess
@@ -19,6 +20,7 @@ from pathlib import Path
 from types import FunctionType
 from typing import Any
 
+import numpy as np
 from pydantic import BaseModel
 from rabbit_description.atomic_file import replace_text
 
@@ -26,6 +28,7 @@ from rabbit_experiments.source_code import CodeError, code_of, hash_of, hash_of_
 
 LIBRARIES = ("numpy", "scipy", "pin", "pybullet", "mujoco", "osqp", "torch", "casadi", "safetensors", "joblib")
 PARTS = ("rabbit.plants", "rabbit.controllers", "rabbit.learners")  # entry points that parameters choose by name
+FUNCTIONS = "sin", "cos", "tan", "exp", "tanh", "atan"
 CLASS = "class"
 MADE_WITH = "made_with.json"  # in a folder in which one thing is made
 
@@ -38,6 +41,17 @@ def versions() -> dict[str, str]:
         with suppress(PackageNotFoundError):
             installed[name] = version(name)
     return installed
+
+
+@cache
+def arithmetic() -> str:
+    """A hash of the last bits that this processor computes: libm, numpy and BLAS choose their code by its kind."""
+    x = np.linspace(-3.0, 3.0, 576)
+    by_libm = [[getattr(math, name)(value) for value in x.tolist()] for name in FUNCTIONS]
+    by_numpy = [getattr(np, name)(x) for name in FUNCTIONS]
+    A = x.reshape(24, 24) + np.diag(np.exp(x[:24]))
+    by_blas = A @ A, np.linalg.inv(A)
+    return hash_of_text(b"".join(np.asarray(values).tobytes() for values in (*by_libm, *by_numpy, *by_blas)).hex())
 
 
 @cache
@@ -84,7 +98,7 @@ def provenance(asked: Any, hash_file: Callable[[Path], str] = hash_of) -> dict[s
     """What a result is made with, by name, besides what is `asked` for, which is `plain`: equal ones, equal results.
 
     Hashes of the files that it names, and of the packages of its classes and of the plants, controllers and learners
-    that it names; versions of the libraries and of Python.
+    that it names; versions of the libraries and of Python; the processor's arithmetic.
 
     Raises:
         CodeError: a class whose code is in no file, or that a function made.
@@ -98,7 +112,8 @@ def provenance(asked: Any, hash_file: Callable[[Path], str] = hash_of) -> dict[s
         else:
             modules.add(text.partition(":")[0])
     modules |= {value.partition(":")[0] for value in parts.values()}
-    return {**versions(), **parts, **code_of(frozenset(modules)), **named_files(asked, hash_file)}
+    code = code_of(frozenset(modules))
+    return {**versions(), "arithmetic": arithmetic(), **parts, **code, **named_files(asked, hash_file)}
 
 
 def named_files(asked: Any, hash_file: Callable[[Path], str] = hash_of) -> dict[str, str]:
