@@ -83,8 +83,11 @@ def design_library(
     designed = dict[Place, Gait]()
     first = (list(slopes).index(base.slope), list(lengths).index(base.step_length))
     for places in outwards(first, (len(slopes), len(lengths))):
-        searches = {(i, j): GaitSearch(specifications[i][j], designed.get(neighbour)) for (i, j), neighbour in places}
-        run([*searches.values()], cache, processes, lambda search, _: search.specification.name)
+        searches = {}
+        for (i, j), neighbour in places:
+            specified = specifications[i][j]
+            searches[i, j] = GaitSearch(specified, designed.get(neighbour), title=f"gait {specified.name}")
+        run([*searches.values()], cache, processes)
         designed |= {place: cache.get(search) for place, search in searches.items()}
     made_by = {"command": "rabbit gait", "specification": base.model_dump(mode="json"), "speed_slope": speed_slope}
     gaits = [designed[place] for place in sorted(designed)]

@@ -137,9 +137,10 @@ def connected(address: str) -> Iterator[Client]:
     scheduler: str | LocalCluster
     try:
         if local := LOCAL.fullmatch(address):
-            alone = {"threads_per_worker": 1, "memory_limit": None, "dashboard_address": None}
+            alone: dict[str, Any] = {"threads_per_worker": 1, "memory_limit": None, "worker_dashboard_address": None}
+            alone["scheduler_kwargs"] = {"dashboard": False, "dashboard_address": "127.0.0.1:0"}  # any port: no warning
             with interrupts_held():
-                scheduler = LocalCluster(int(local[1]), host="127.0.0.1", worker_dashboard_address=None, **alone)
+                scheduler = LocalCluster(int(local[1]), host="127.0.0.1", **alone)
         else:
             scheduler = _checked(address)
         client = Client(scheduler, set_as_default=False)
