@@ -20,6 +20,7 @@ from rabbit_benchmark.methods import method
 from rabbit_benchmark.protocol import Protocol, plan
 from rabbit_benchmark.table import Table
 from rabbit_experiments.cache import Cache, Job
+from rabbit_experiments.cluster import loads
 from rabbit_experiments.engine import batches, run
 
 RUNS = 1000
@@ -42,7 +43,8 @@ class Nothing(Job):
 
 def queue(seconds: Mapping[Job, float], repeated: int, cores: int) -> tuple[float, float]:
     """Hours until the last of all walks has ended, each `repeated`, and the share of that in which cores walk."""
-    jobs = [sum(seconds[job] for job in batch) for batch in batches([*seconds] * repeated, BATCH, cores)]
+    given_out = loads(batches([*seconds] * repeated, BATCH, cores), cores)
+    jobs = [sum(seconds[job] for batch in load for job in batch) for load in given_out]
     free = [0.0] * cores
     for number, job in enumerate(jobs, 1):
         heapq.heappush(free, max(heapq.heappop(free), number * OVERHEAD) + job)

@@ -18,6 +18,8 @@ import dask
 import distributed
 import psutil
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from rabbit_experiments import cluster, engine
 from rabbit_experiments.cache import Cache, JobError
 from rabbit_experiments.conditions import who_runs
@@ -217,6 +219,34 @@ def test_another_worker_gets_no_job(started: Started, tmp_path: Path, capsys: py
     assert "another numpy" in said
     assert "another arithmetic" in said
     assert "2 threads, expected --nthreads 1" in said
+
+
+@given(st.lists(st.integers(1, 5), max_size=300), st.integers(1, 9))
+def test_every_job_goes_out_once_and_batches_of_several_alone(sizes: list[int], workers: int) -> None:
+    batches: Any = [[f"{number} {k}" for k in range(size)] for number, size in enumerate(sizes)]
+    given_out = cluster.loads(batches, workers)
+    assert sorted(batch for load in given_out for batch in load) == sorted(batches)
+    for load in given_out:
+        assert len(load) == 1 or all(len(batch) == 1 for batch in load)
+        assert 1 <= len(load) <= cluster.MOST
+
+
+def test_of_a_load_that_a_worker_ended_with_each_job_is_done_or_told(
+    started: Started, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of 48 jobs two go out at once; one of them always raises, one worker is killed."""
+    started.scheduler()
+    victim = started.worker()
+    jobs, cache = naps(started, -1.0, *[0.05] * 47), Cache(tmp_path / "cache")
+    running = Running(jobs, cache, started.address)
+    until(lambda: len(started.began) > 6)
+    victim.kill()
+    started.worker()
+    with pytest.raises(JobError, match=r"nap 0: ZeroDivisionError"):
+        running.join()
+    assert is_kept(jobs[1:], cache)
+    assert max(Counter(number for number, _ in started.began).values()) <= 2
+    assert capsys.readouterr().out.count("Traceback") == 1
 
 
 def test_an_error_is_told_once_and_leaves_the_worker(

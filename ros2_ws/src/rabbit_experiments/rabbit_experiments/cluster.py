@@ -1,7 +1,7 @@
 """Jobs on the workers of a Dask scheduler, which come and go: `--cluster ADDRESS` (studies/docs/cluster.md).
 
-A worker has one batch under way and at most one next; the others wait here. So whoever is killed, worker, scheduler or
-this process, only what was under way is done again. A worker does a batch only with what there is here.
+A worker has one load of batches under way and at most one next; the others wait here. So whoever is killed, worker,
+scheduler or this process, only what was under way is done again. A worker does a load only with what there is here.
 """
 
 import re
@@ -11,7 +11,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from ipaddress import ip_address
-from math import inf
+from itertools import chain
+from math import ceil, inf
 from queue import Empty, SimpleQueue
 from time import monotonic
 from typing import Any
@@ -29,8 +30,18 @@ LOCAL = re.compile(r"local:([1-9]\d{0,3})")
 LOOK = 1.0  # s, between two looks at who is there
 LOSSES = 3  # workers that end with a batch before it is given up
 PATIENCE = 60.0  # s, for a result to come
+MOST, LEAST = 4, 32  # single jobs of a load, so that a scheduler gives out more of them; loads that a worker gets
 Batch = list[Job]
+Load = list[Batch]
 Results = list[tuple[Job, Any]]
+
+
+def loads(batches: list[Batch], workers: int) -> list[Load]:
+    """What is given out at once: batches of several jobs alone, of one job a few where there are many."""
+    single = [batch for batch in batches if len(batch) == 1]
+    size = min(MOST, ceil(len(single) / (LEAST * workers)))
+    some = [single[start : start + size] for start in range(0, len(single), size or 1)]
+    return [[batch] for batch in batches if len(batch) > 1] + some
 
 
 class Workers:
@@ -41,8 +52,8 @@ class Workers:
         self._addresses: dict[str, str] = {}  # by a worker's identity
         self._refused: dict[str, str] = {}
         self._looked = -inf
-        self._waiting: deque[Batch] = deque()
-        self._under_way: dict[Future[Results], tuple[str, Batch]] = {}
+        self._waiting: deque[Load] = deque()
+        self._under_way: dict[Future[Results], tuple[str, Load]] = {}
         self._ended: SimpleQueue[Future[Results]] = SimpleQueue()
         self._losses: Counter[int] = Counter()  # by a batch's identity
         self._given_up: Results = []
@@ -54,15 +65,16 @@ class Workers:
             JobError: the scheduler ended, or no worker gets jobs.
         """
         self._look()
-        self._waiting.extend(batches(max(1, len(self._addresses))))
+        workers = max(1, len(self._addresses))
+        self._waiting.extend(loads(batches(workers), workers))
         hash_file = cache(hash_of)
         while self._waiting or self._under_way:
             self._look()
             for worker in self._free():
-                batch = self._waiting.popleft()
-                made_with, where = provenance(plain(batch), hash_file), [self._addresses[worker]]
-                future = self._client.submit(_do_with, made_with, do, batch, workers=where, pure=False)
-                self._under_way[future] = worker, batch
+                load = self._waiting.popleft()
+                made_with, where = provenance(plain(load), hash_file), [self._addresses[worker]]
+                future = self._client.submit(_do_with, made_with, do, load, workers=where, pure=False)
+                self._under_way[future] = worker, load
                 future.add_done_callback(self._ended.put)
             try:
                 future = self._ended.get(timeout=LOOK)
@@ -79,8 +91,14 @@ class Workers:
             raise JobError("the scheduler ended; the same command goes on when there is one")
         if monotonic() - self._looked < LOOK:
             return
-        known = self._client.scheduler_info().get("workers", {})  # none while there is no scheduler
-        self._looked, self._addresses = monotonic(), {worker["id"]: address for address, worker in known.items()}
+        self._looked = monotonic()
+        scheduler: Any = self._client.scheduler  # not `scheduler_info`: another thread may overwrite its answer
+        try:
+            known = self._client.sync(scheduler.identity, n_workers=-1)["workers"]
+        except (AttributeError, OSError):  # there is none now
+            self._tell("no scheduler")
+            return
+        self._addresses = {worker["id"]: address for address, worker in known.items()}
         for worker, address in self._addresses.items():
             if (threads := known[address]["nthreads"]) != 1:
                 self._refuse(worker, f"{threads} threads, expected --nthreads 1")
@@ -101,25 +119,27 @@ class Workers:
         most = 2 if len(self._waiting) > len(able) else 1
         return [worker for worker in able if load[worker] < most][: len(self._waiting)]
 
-    def _result(self, future: "Future[Results]", worker: str, batch: Batch) -> Results:
+    def _result(self, future: "Future[Results]", worker: str, load: Load) -> Results:
         if future.status == "cancelled":  # the scheduler is gone
-            self._waiting.appendleft(batch)
+            self._waiting.appendleft(load)
             return []
         try:
             return future.result(timeout=PATIENCE)
         except (KilledWorker, TimeoutError):  # or it ended before its result was fetched
-            self._lose(batch)
+            self._lose(load)
         except Exception as error:  # of `_do_with`, or it cannot read what is asked
             self._refuse(worker, str(error) if isinstance(error, JobError) else f"{type(error).__name__}: {error}")
-            self._waiting.appendleft(batch)
+            self._waiting.appendleft(load)
         return []
 
-    def _lose(self, batch: Batch) -> None:
-        self._losses[id(batch)] += 1
-        if self._losses[id(batch)] < LOSSES:
-            self._waiting.appendleft(batch)
-        else:
-            self._given_up.append((batch[0], JobError(f"{batch[0].title}: {LOSSES} workers ended with it")))
+    def _lose(self, load: Load) -> None:
+        """The batches wait again, each by itself."""
+        for batch in load:
+            self._losses[id(batch)] += 1
+            if self._losses[id(batch)] < LOSSES:
+                self._waiting.appendleft([batch])
+            else:
+                self._given_up.append((batch[0], JobError(f"{batch[0].title}: {LOSSES} workers ended with it")))
 
     def _refuse(self, worker: str, why: str) -> None:
         if worker not in self._refused:
@@ -171,10 +191,14 @@ def _checked(address: str) -> str:
     return asked
 
 
-def _do_with(made_with: dict[str, str], do: Callable[[Batch], Results], batch: Batch) -> Results:
-    """Does a batch on a worker: raises JobError where files, code or libraries differ; a job's error is its result."""
-    if others := differing(made_with, provenance(plain(batch))):
+def _do_with(made_with: dict[str, str], do: Callable[[Batch], Results], load: Load) -> Results:
+    """Does a load on a worker: raises JobError where files, code or libraries differ; a job's error is its result."""
+    if others := differing(made_with, provenance(plain(load))):
         raise JobError(f"another {', '.join(others)}")
+    return [*chain.from_iterable(_done(do, batch) for batch in load)]
+
+
+def _done(do: Callable[[Batch], Results], batch: Batch) -> Results:
     try:
         return do(batch)
     except JobError as error:
