@@ -228,7 +228,7 @@ def test_every_job_goes_out_once_and_batches_of_several_alone(sizes: list[int], 
     assert sorted(batch for load in given_out for batch in load) == sorted(batches)
     for load in given_out:
         assert len(load) == 1 or all(len(batch) == 1 for batch in load)
-        assert 1 <= len(load) <= cluster.MOST
+        assert 1 <= len(load) <= cluster.MOST_JOBS
 
 
 def test_of_a_load_that_a_worker_ended_with_each_job_is_done_or_told(

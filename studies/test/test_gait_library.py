@@ -77,19 +77,16 @@ def test_a_library_is_searched_outwards_each_gait_from_one_beside_it(
 ) -> None:
     """Along the first row, then away from it; each place once, after its neighbour."""
     first = data.draw(st.tuples(*(st.integers(0, most - 1) for most in size)))
-    (start, *_), *others = outwards(first, size)
-    seen = {start[0]}
-    assert seen == {first}
-    for together in others:
-        new = {place for place, _ in together}
-        assert len(new) == len(together)
-        assert not new & seen
-        for place, neighbour in together:
+    start, *rings = outwards(first, size)
+    seen = [place for place, _ in start]
+    assert seen == [first]
+    for ring in rings:
+        for place, neighbour in ring:
             assert neighbour in seen
             assert np.abs(np.subtract(place, neighbour)).sum() == 1
             assert place[0] == first[0] or neighbour[1] == place[1]
-        seen |= new
-    assert len(seen) == size[0] * size[1]
+        seen += [place for place, _ in ring]
+    assert sorted(seen) == [*np.ndindex(size)]
 
 
 @pytest.mark.slow

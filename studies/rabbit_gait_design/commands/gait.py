@@ -8,8 +8,7 @@ import typer
 from pydantic import Field
 from rabbit_common.options import Given, fail, going_on_from, options
 from rabbit_common.own_folder import own_folder
-from rabbit_description.validation import Checked
-from rabbit_experiments.conditions import ABOUT_CLUSTER, ABOUT_JOBS, who_runs
+from rabbit_experiments.conditions import RunnerOptions
 
 from rabbit_gait_design.specification import GaitSpecification
 
@@ -19,8 +18,8 @@ SHOWN = "cost", "peak_torque", "friction_used", "least_normal_force", "foot_heig
 app = typer.Typer(add_completion=False)
 
 
-class FolderOptions(Checked):
-    """Options of `rabbit gait` besides those of the specification."""
+class FolderOptions(RunnerOptions):
+    """Options of `rabbit gait` besides those of the specification; the runs are a library's searches."""
 
     out: Path = Field(Path("runs/gaits"), description="folder for NAME.yaml and NAME.png")
     library: tuple[float, ...] = Field((), description="step lengths of a gait library, m, increasing; '' for one gait")
@@ -30,8 +29,6 @@ class FolderOptions(Checked):
     speed_slope: float = Field(
         0.0, ge=-2, le=2, description="growth of a library's speed with its step length, m/s for each m"
     )
-    jobs: int | None = Field(None, ge=1, le=4096, description=f"of a library: {ABOUT_JOBS}")
-    cluster: str | None = Field(None, description=f"of a library: {ABOUT_CLUSTER}")
 
 
 @app.command()
@@ -51,10 +48,10 @@ def gait(given: Given) -> None:
     try:
         folder.out.mkdir(parents=True, exist_ok=True)
         if folder.library:
-            cache, processes = Cache(folder.out / "cache"), who_runs(folder.jobs, folder.cluster)
+            cache = Cache(folder.out / "cache")
             wanted = folder.library, folder.speed_slope, folder.library_slopes
             with going_on_from("the gaits that are found"):
-                made: Any = design_library(specification, *wanted, cache, processes)
+                made: Any = design_library(specification, *wanted, cache, folder.who_runs)
         else:
             with console.status("IPOPT begins") as status:
                 made = design_gait(specification, lambda *at: status.update(progress_text(*at)))

@@ -1,7 +1,8 @@
 """Jobs on the workers of a Dask scheduler, which come and go: `--cluster ADDRESS` (studies/docs/cluster.md).
 
-A worker has one load of batches under way and at most one next; the others wait here. So whoever is killed, worker,
-scheduler or this process, only what was under way is done again. A worker does a load only with what there is here.
+Batches go out in loads. A worker has at most two: it does one, and the other waits for it. The other loads wait in this
+process. So whoever is killed (worker, scheduler, this process), only the loads that were out are done again. A worker
+does a load only if its code, libraries, processor and files are those of this process.
 """
 
 import re
@@ -30,16 +31,17 @@ LOCAL = re.compile(r"local:([1-9]\d{0,3})")
 LOOK = 1.0  # s, between two looks at who is there
 LOSSES = 3  # workers that end with a batch before it is given up
 PATIENCE = 60.0  # s, for a result to come
-MOST, LEAST = 4, 32  # single jobs of a load, so that a scheduler gives out more of them; loads that a worker gets
+MOST_JOBS = 4  # in a load of single jobs: giving out a load takes as long, whatever is in it
+LEAST_LOADS = 32  # that a worker gets, where there are so many jobs
 Batch = list[Job]
 Load = list[Batch]
 Results = list[tuple[Job, Any]]
 
 
 def loads(batches: list[Batch], workers: int) -> list[Load]:
-    """What is given out at once: batches of several jobs alone, of one job a few where there are many."""
+    """The batches in loads: a batch of several jobs is a load; single jobs share one where there are many."""
     single = [batch for batch in batches if len(batch) == 1]
-    size = min(MOST, ceil(len(single) / (LEAST * workers)))
+    size = min(MOST_JOBS, ceil(len(single) / (LEAST_LOADS * workers)))
     some = [single[start : start + size] for start in range(0, len(single), size or 1)]
     return [[batch] for batch in batches if len(batch) > 1] + some
 
@@ -111,13 +113,13 @@ class Workers:
         self._tell(f"{able} workers" if able != 1 else "1 worker")
 
     def _free(self) -> list[str]:
-        """Whom to give one of the batches that wait; a second only where enough are left for all."""
+        """Workers that get one of the loads that wait. A worker gets a second only if there are more than workers."""
         if self._client.status != "running":
             return []
-        load = Counter(worker for worker, _ in self._under_way.values())
-        able = sorted(self._addresses.keys() - self._refused.keys(), key=load.__getitem__)
+        count = Counter(worker for worker, _ in self._under_way.values())
+        able = sorted(self._addresses.keys() - self._refused.keys(), key=count.__getitem__)
         most = 2 if len(self._waiting) > len(able) else 1
-        return [worker for worker in able if load[worker] < most][: len(self._waiting)]
+        return [worker for worker in able if count[worker] < most][: len(self._waiting)]
 
     def _result(self, future: "Future[Results]", worker: str, load: Load) -> Results:
         if future.status == "cancelled":  # the scheduler is gone

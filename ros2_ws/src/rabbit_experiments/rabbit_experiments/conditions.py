@@ -27,6 +27,18 @@ def who_runs(jobs: int | None, cluster: str | None) -> int | str:
     return cluster or jobs or os.environ.get("RABBIT_CLUSTER") or os.cpu_count() or 1
 
 
+class RunnerOptions(Checked):
+    """Options of a command with many runs: who does them."""
+
+    jobs: int | None = Field(None, ge=1, le=4096, description=ABOUT_JOBS)
+    cluster: str | None = Field(None, description=ABOUT_CLUSTER)
+
+    @property
+    def who_runs(self) -> int | str:
+        """Number of processes, or a cluster's address."""
+        return who_runs(self.jobs, self.cluster)
+
+
 class TuningOptions(Checked):
     """Options of a command with a controller, besides those of `ControllerParameters`."""
 

@@ -12,29 +12,19 @@ from rabbit_description.plugins import load
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
-from rabbit_experiments.conditions import (
-    ABOUT_BATCH,
-    ABOUT_CLUSTER,
-    ABOUT_JOBS,
-    BATCH,
-    EVALUATION_LAG,
-    WalkOptions,
-    who_runs,
-)
+from rabbit_experiments.conditions import ABOUT_BATCH, BATCH, EVALUATION_LAG, RunnerOptions, WalkOptions
 
 DEFAULTS = Defaults(always={"motor_lag": EVALUATION_LAG})
 
 app = typer.Typer(add_completion=False)
 
 
-class EvaluationOptions(WalkOptions):
+class EvaluationOptions(RunnerOptions, WalkOptions):
     """Options of `rabbit evaluate` besides those of plant and controller."""
 
     out: Path | None = Field(
         None, description="folder for runs.csv, violations.csv, summary.json (default: runs/evaluate-KEY, one for each)"
     )
-    jobs: int | None = Field(None, ge=1, le=4096, description=ABOUT_JOBS)
-    cluster: str | None = Field(None, description=ABOUT_CLUSTER)
     batch: int = Field(BATCH, ge=1, le=4096, description=ABOUT_BATCH)
     pictures: bool = Field(False, description="draw the first run")
     rerun: bool = Field(False, description="write the first run for Rerun's viewer")
@@ -53,7 +43,7 @@ def evaluate(given: Given) -> None:
     print(what_walks(assembly.controller, assembly.simulation, assembly.policy), flush=True)
     scenario, about = Scenario(assembly, request.runs, request.seed), describe(assembly, request.seed)
     out = results_folder(request.out, "evaluate", about["key"])
-    results, walked = walk_all(scenario, out, who_runs(request.jobs, request.cluster), request.batch)
+    results, walked = walk_all(scenario, out, request.who_runs, request.batch)
     show(conclude(scenario, out, results, about))
     print(f"{walked} runs made; written {out}")
     if request.pictures or request.rerun:

@@ -12,14 +12,7 @@ from rabbit_description.bounded_file import is_file
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
-from rabbit_experiments.conditions import (
-    ABOUT_CLUSTER,
-    ABOUT_JOBS,
-    TRAINING_PLANT,
-    TRAINING_SLACK_WEIGHT,
-    TuningOptions,
-    who_runs,
-)
+from rabbit_experiments.conditions import TRAINING_PLANT, TRAINING_SLACK_WEIGHT, RunnerOptions, TuningOptions
 
 DEFAULTS = Defaults(always={"slack_weight": TRAINING_SLACK_WEIGHT, **TRAINING_PLANT})
 LINE = re.compile(r"^(SCALES\b[^=\n]*= ).*$", re.MULTILINE)
@@ -27,15 +20,13 @@ LINE = re.compile(r"^(SCALES\b[^=\n]*= ).*$", re.MULTILINE)
 app = typer.Typer(add_completion=False)
 
 
-class ScalesOptions(TuningOptions):
+class ScalesOptions(RunnerOptions, TuningOptions):
     """Options of `rabbit scales` besides those of plant and controller."""
 
     into: Path | None = Field(None, description="Python file, whose line SCALES = ... is written anew")
     walks: int = Field(2, ge=1, le=1000, description="walks of the nominal controller, and as many of the oracle")
     seed: int = Field(1, ge=0, le=2**63 - 1, description="seed of courses and first states")
     out: Path = Field(Path("runs/scales"), description="folder of the walks; what was stopped goes on")
-    jobs: int | None = Field(None, ge=1, le=4096, description=ABOUT_JOBS)
-    cluster: str | None = Field(None, description=ABOUT_CLUSTER)
 
 
 @app.command()
@@ -56,7 +47,7 @@ def scales(given: Given) -> None:
     cache = Cache(own_folder(request.out, "scales") / "cache")
     seeds = episode_seeds(request.seed, request.walks).values()
     with complaints(JobError, ScalesError), going_on_from("the walks that are done"):
-        measured = measure_scales(assembly, seeds, cache, who_runs(request.jobs, request.cluster))
+        measured = measure_scales(assembly, seeds, cache, request.who_runs)
     literal = "{" + ", ".join(f'"{name}": {values}' for name, values in measured.items()) + "}"
     print(f"SCALES = {literal}")
     if request.into:
